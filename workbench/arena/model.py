@@ -1,0 +1,153 @@
+"""The MuJoCo model of a line of e-pucks, in two fidelities.
+
+"wheels" (default, 10 ms steps): a free body on two driven wheels and two passive sliders. A wheel touches the floor in
+one point (a sphere of the wheel's radius): point contact, Coulomb friction, slip. It rolls on a hinge with a velocity
+servo, as stepper motors impose a speed. The rear slider carries a little of the weight and slides without friction; the
+front one hangs 0.3 mm above the floor and catches the body when it brakes hard.
+
+"planar" (20 ms steps, for sweeps): x, y and yaw only. Speed servos act at the two wheel points along the body and hold
+the axle's sideways speed at zero. No wheel contact and no slip; robots still push each other.
+
+Robots collide with each other as upright cylinders: their collision geoms are spheres of the body's radius, whose
+centres all lie at the same height. The visible geoms (group 1) take no part in the physics.
+
+Contract: actuators come in the order of ``ACTUATORS[drive]`` per robot, qpos per robot as in ``QPOS[drive]``.
+
+>>> model = build_model(2, "wheels")
+>>> model.nq, model.nu, round(1000 * model.body_subtreemass[0])
+(18, 4, 300)
+"""
+
+import math
+
+import mujoco
+
+from workbench.robot import geometry as g
+
+DRIVES = ("wheels", "planar")
+TIMESTEP = {"wheels": 0.01, "planar": 0.02}  # s
+QPOS = {"wheels": 9, "planar": 3}  # numbers per robot: x y z quaternion left right | x y yaw
+ACTUATORS = {"wheels": ("left", "right"), "planar": ("left", "right", "sideways")}
+
+# A stepper's speed is imposed. The servo below comes to 1.5 % of it within 100 ms; gain, rotor inertia and the limit were
+# chosen together so that neither the servo nor its reaction on the body rings (our choice: none of them is published).
+WHEEL_SERVO = 3.5e-3  # N m s/rad
+ROTOR_INERTIA = 1.5e-5  # kg m², the motor's rotor as felt behind its 50:1 gear
+TORQUE_LIMIT = 0.015  # N m per wheel
+PLANAR_SERVO = 50.0  # N s/m: settles in one step; our choice
+FRICTION = 0.8  # rubber tyre on paper or wood: our assumption, no measurement is published
+CENTRE_OF_MASS = (-0.004, 0.0, -0.005)  # m from the axle's middle: slightly behind, so that the rear slider rests
+FRONT_GAP = 0.0003  # m between the front slider and the floor
+_FLOOR, _FOOT, _BODY = 1, 2, 4  # collision classes
+
+COLOURS = ((0.80, 0.25, 0.20, 1.0), (0.20, 0.45, 0.75, 1.0))  # leader, followers
+
+
+def build_model(robots: int, drive: str) -> mujoco.MjModel:
+    """Compile the model of a number of e-pucks on an infinite floor; their bodies are robot0, robot1, ….
+
+    Raises:
+        ValueError: fewer than one robot or an unknown drive.
+    """
+    if robots < 1:
+        raise ValueError(f"robots = {robots!r}; expected at least 1")
+    if drive not in DRIVES:
+        raise ValueError(f"drive = {drive!r}; expected one of {', '.join(map(repr, DRIVES))}")
+    spec = mujoco.MjSpec()
+    spec.option.timestep = TIMESTEP[drive]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if drive == "planar":
+        spec.option.gravity = [0, 0, 0]
+    spec.worldbody.add_geom(
+        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=_FLOOR, conaffinity=_FOOT,
+        rgba=[0.93, 0.92, 0.90, 1],
+    )  # fmt: skip
+    for number in range(robots):
+        body = spec.worldbody.add_body(name=f"robot{number}")
+        if drive == "wheels":
+            _add_wheels(spec, body, number)
+        else:
+            _add_planar(spec, body, number)
+        height = 0.0 if drive == "wheels" else g.WHEEL_RADIUS
+        _add_shell(body, number, height)
+    return spec.compile()
+
+
+def _sphere(body: mujoco.MjsBody, name: str, radius: float, pos: list[float], **kinds: object) -> None:
+    body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], pos=pos, mass=0, group=3, **kinds
+    )  # fmt: skip
+
+
+def _add_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int) -> None:
+    name = f"robot{number}"
+    body.add_freejoint(name=f"{name}/free")
+    body.explicitinertial = True
+    body.mass = g.BODY_MASS - 2 * g.WHEEL_MASS
+    body.inertia = list(g.INERTIA)
+    body.ipos = list(CENTRE_OF_MASS)
+    for side, x, gap in (("rear", -g.SLIDER_X, 0.0), ("front", g.SLIDER_X, FRONT_GAP)):
+        place = [x, 0, g.SLIDER_RADIUS - g.WHEEL_RADIUS + gap]
+        _sphere(body, f"{name}/{side}", g.SLIDER_RADIUS, place, contype=_FOOT, conaffinity=_FLOOR, condim=1, priority=1)
+    spin = g.WHEEL_MASS * g.WHEEL_RADIUS**2 / 2  # kg m², a disc about its axle
+    for side, y in (("left", g.TRACK / 2), ("right", -g.TRACK / 2)):
+        wheel = body.add_body(name=f"{name}/{side}", pos=[0, y, 0])
+        wheel.explicitinertial = True
+        wheel.mass = g.WHEEL_MASS
+        wheel.inertia = [0.51 * spin, spin, 0.51 * spin]
+        wheel.add_joint(
+            name=f"{name}/{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=ROTOR_INERTIA
+        )  # fmt: skip
+        _sphere(
+            wheel, f"{name}/{side}_tyre", g.WHEEL_RADIUS, [0, 0, 0], contype=_FOOT, conaffinity=_FLOOR,
+            condim=3, priority=2, friction=[FRICTION, 0, 0],
+        )  # fmt: skip
+        motor = spec.add_actuator(name=f"{name}/{side}", target=f"{name}/{side}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.set_to_velocity(kv=WHEEL_SERVO)
+        motor.forcelimited, motor.forcerange = True, [-TORQUE_LIMIT, TORQUE_LIMIT]
+
+
+def _add_planar(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int) -> None:
+    name = f"robot{number}"
+    for joint, kind, axis in (
+        ("x", mujoco.mjtJoint.mjJNT_SLIDE, [1, 0, 0]),
+        ("y", mujoco.mjtJoint.mjJNT_SLIDE, [0, 1, 0]),
+        ("yaw", mujoco.mjtJoint.mjJNT_HINGE, [0, 0, 1]),
+    ):
+        body.add_joint(name=f"{name}/{joint}", type=kind, axis=axis)
+    body.explicitinertial = True
+    body.mass = g.BODY_MASS
+    body.inertia = list(g.INERTIA)
+    for side, y, gear in (
+        ("left", g.TRACK / 2, [1, 0, 0, 0, 0, 0]),
+        ("right", -g.TRACK / 2, [1, 0, 0, 0, 0, 0]),
+        ("sideways", 0.0, [0, 1, 0, 0, 0, 0]),
+    ):
+        body.add_site(name=f"{name}/{side}", pos=[0, y, 0])
+        motor = spec.add_actuator(name=f"{name}/{side}", target=f"{name}/{side}", trntype=mujoco.mjtTrn.mjTRN_SITE)
+        motor.gear = gear
+        motor.set_to_velocity(kv=PLANAR_SERVO)
+
+
+def _add_shell(body: mujoco.MjsBody, number: int, axle: float) -> None:
+    """Add the collision sphere and the visible parts, with the axle at the given height of the body frame."""
+    name = f"robot{number}"
+    _sphere(body, f"{name}/bumper", g.BODY_RADIUS, [0, 0, axle], contype=_BODY, conaffinity=_BODY, condim=1)
+    colour = list(COLOURS[0] if number == 0 else COLOURS[1])
+    half = (g.BODY_HEIGHT - 0.004) / 2
+    seen = {"contype": 0, "conaffinity": 0, "mass": 0, "group": 1}
+    cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
+    body.add_geom(
+        name=f"{name}/shell", type=cylinder, size=[g.BODY_RADIUS, half, 0],
+        pos=[0, 0, axle - g.WHEEL_RADIUS + 0.004 + half], rgba=colour, **seen,
+    )  # fmt: skip
+    top = axle - g.WHEEL_RADIUS + g.BODY_HEIGHT
+    body.add_geom(
+        name=f"{name}/nose", type=box, size=[0.012, 0.003, 0.002], pos=[0.020, 0, top + 0.002],
+        rgba=[0.98, 0.95, 0.85, 1], **seen,
+    )  # fmt: skip
+    for side, y in (("left", g.TRACK / 2), ("right", -g.TRACK / 2)):
+        body.add_geom(
+            name=f"{name}/{side}_disc", type=cylinder, size=[g.WHEEL_RADIUS, 0.0015, 0], pos=[0, y * 1.32, axle],
+            quat=[math.cos(math.pi / 4), math.sin(math.pi / 4), 0, 0], rgba=[0.2, 0.2, 0.2, 1], **seen,
+        )  # fmt: skip

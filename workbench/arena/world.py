@@ -1,0 +1,168 @@
+"""The world: B formations of one model, stepped by MuJoCo on its own threads.
+
+A formation is a line of robots on a track of its own. Its whole physics is one row of ``states`` (mjSTATE_INTEGRATION,
+solver warm start included), so that a checkpoint of the physics is an array copy.
+
+>>> from workbench.arena.tracks import TrackConfig, make_track
+>>> world = World(1, [make_track(TrackConfig(judder="none"), np.random.default_rng(0))], drive="planar", spacing_m=0.15)
+>>> world.command(0, 0, 466, 466); world.step()
+>>> [round(v, 3) for v in world.pose(0, 0)]
+[-0.408, -0.289, 2.199]
+
+Contract: ``qpos``, ``ctrl`` and ``states`` are live views; a write is the state at the next step. Results do not depend on
+the number of threads. A world is used by one Python thread at a time.
+"""
+
+import math
+import os
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco import batch as mujoco_batch
+from numba import njit
+from numpy.typing import NDArray
+
+from workbench.arena.floor import draw_floors
+from workbench.arena.model import ACTUATORS, QPOS, TIMESTEP, build_model
+from workbench.arena.tracks import Track
+from workbench.robot.geometry import CONTROL_PERIOD, STEP, WHEEL_RADIUS
+from workbench.robot.motors import RADIANS_PER_STEP, motor_speed
+
+
+@njit(cache=True)
+def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float, float]:
+    """Return x, y in m and the cosine and sine of the heading of a robot, from its formation's qpos row."""
+    if wheels:
+        k = 9 * robot
+        q0, q1, q2, q3 = qpos[k + 3], qpos[k + 4], qpos[k + 5], qpos[k + 6]
+        c = q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3
+        s = 2.0 * (q0 * q3 + q1 * q2)
+        norm = math.sqrt(c * c + s * s)
+        return qpos[k], qpos[k + 1], c / norm, s / norm
+    k = 3 * robot
+    return qpos[k], qpos[k + 1], math.cos(qpos[k + 2]), math.sin(qpos[k + 2])
+
+
+@njit(cache=True)
+def write_command(ctrl: Any, robot: int, wheels: bool, left: int, right: int) -> None:
+    """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the firmware's quantisation."""
+    if wheels:
+        ctrl[2 * robot] = motor_speed(left) * RADIANS_PER_STEP
+        ctrl[2 * robot + 1] = motor_speed(right) * RADIANS_PER_STEP
+    else:
+        ctrl[3 * robot] = motor_speed(left) * STEP
+        ctrl[3 * robot + 1] = motor_speed(right) * STEP
+
+
+class World:
+    """B formations of the same number of robots, each on a track of its own.
+
+    Args:
+        followers: robots behind the leader; a formation has followers + 1 robots.
+        tracks: one track per formation; B is their number.
+        drive: "wheels" or "planar".
+        spacing_m: distance between neighbours at the start.
+        line_width_m: width of the black line.
+        threads: MuJoCo's threads; 0 takes one per formation, at most one per core.
+
+    Attributes:
+        model, batch: MuJoCo's own objects, open to every use.
+        qpos, ctrl: live (B, nq) and (B, nu) views.
+        states: live (B, nstate) rows that hold the whole physics.
+        floor, x0, y0: (B, rows, columns) raster of the line and the place of its first cell.
+    """
+
+    def __init__(
+        self,
+        followers: int,
+        tracks: list[Track],
+        *,
+        drive: str,
+        spacing_m: float,
+        line_width_m: float = 0.015,
+        threads: int = 0,
+    ) -> None:
+        self.model = build_model(followers + 1, drive)
+        self.drive, self.wheels = drive, drive == "wheels"
+        self.robots = followers + 1
+        self.tracks = tracks
+        self.substeps = round(CONTROL_PERIOD / TIMESTEP[drive])
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        self.threads = max(1, min(threads or cores, len(tracks)))
+        self.batch = mujoco_batch.Batch(self.model, len(tracks), self.threads)
+        self.qpos: NDArray[np.float64] = self.batch.bind("qpos")
+        self.ctrl: NDArray[np.float64] = self.batch.bind("ctrl")
+        self.states: NDArray[np.float64] = self.qpos.base  # type: ignore[assignment]  # qpos is a view of the rows
+        assert self.states.shape == (len(tracks), self.batch.nstate)
+        self.floor, self.x0, self.y0 = draw_floors(tracks, line_width_m)
+        for formation, track in enumerate(tracks):
+            self._line_up(formation, track, spacing_m)
+        self._time: NDArray[np.float64] = self.batch.bind("time")
+        self._start = self.states.copy()
+
+    @property
+    def formations(self) -> int:
+        """Number of formations, B."""
+        return len(self.tracks)
+
+    def step(self, ids: NDArray[np.int64] | None = None) -> None:
+        """Advance all formations, or those named, by one control period (0.1 s)."""
+        self.batch.step(ids, nstep=self.substeps)
+
+    def restart(self, formation: int) -> None:
+        """Put a formation back to where it started, at rest; its clock goes on."""
+        now = self._time[formation].copy()
+        self.states[formation] = self._start[formation]
+        self._time[formation] = now
+
+    def check(self, formation: int, periods: int) -> None:
+        """Raise RuntimeError if MuJoCo gave up on a formation (it then resets it, clock included)."""
+        now = float(self._time[formation].item())
+        if not math.isclose(now, periods * CONTROL_PERIOD, rel_tol=1e-6):
+            raise RuntimeError(
+                f"the physics of formation {formation} became unstable: its clock stands at {now:g} s after {periods} control "
+                f"periods of {CONTROL_PERIOD:g} s; results from here on would be meaningless"
+            )
+
+    def command(self, formation: int, robot: int, left: int, right: int) -> None:
+        """Set a robot's wheel speeds in whole steps/s (robot 0 leads)."""
+        write_command(self.ctrl[formation], robot, self.wheels, left, right)
+
+    def pose(self, formation: int, robot: int) -> tuple[float, float, float]:
+        """Return a robot's x, y in m and heading in rad."""
+        x, y, c, s = read_pose(self.qpos[formation], robot, self.wheels)
+        return x, y, math.atan2(s, c)
+
+    def place(self, formation: int, robot: int, x: float, y: float, heading: float) -> None:
+        """Put a robot at rest at x, y (m) with a heading (rad)."""
+        width = QPOS[self.drive]
+        row = self.qpos[formation, width * robot : width * (robot + 1)]
+        if self.wheels:
+            row[:] = (x, y, WHEEL_RADIUS, math.cos(heading / 2), 0, 0, math.sin(heading / 2), 0, 0)
+        else:
+            row[:] = (x, y, heading)
+        dofs = self.model.nv // self.robots
+        self.batch.bind("qvel")[formation, dofs * robot : dofs * (robot + 1)] = 0
+        count = len(ACTUATORS[self.drive])
+        self.ctrl[formation, count * robot : count * (robot + 1)] = 0
+
+    def _line_up(self, formation: int, track: Track, spacing_m: float) -> None:
+        """Place the robots on the nominal loop, each looking at its predecessor from spacing_m behind it."""
+        s = 0.4 * track.length_m
+        x, y, heading = track.pose(s)
+        self.place(formation, 0, x, y, heading)
+        for robot in range(1, self.robots):
+            ahead = (x, y)
+            low, high = s - 2 * spacing_m, s
+            for _ in range(50):  # bisection for the point at the wanted straight distance
+                middle = (low + high) / 2
+                x, y, _ = track.pose(middle)
+                if math.dist((x, y), ahead) > spacing_m:
+                    low = middle
+                else:
+                    high = middle
+            s = (low + high) / 2
+            x, y, _ = track.pose(s)
+            self.place(formation, robot, x, y, math.atan2(ahead[1] - y, ahead[0] - x))
+

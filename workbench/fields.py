@@ -1,0 +1,206 @@
+"""Configurations: frozen dataclasses whose fields know their range, unit and meaning.
+
+A field is declared once, with everything that there is to say about it; checks, error messages, JSON and the
+documentation all follow from the declaration.
+
+>>> @configuration
+... class Wheel:
+...     radius_m: float = real(0.02, 0.001, 0.1, "m", "radius of the wheel")
+>>> Wheel(radius_m=0.5)
+Traceback (most recent call last):
+    ...
+ValueError: Wheel.radius_m = 0.5; expected a number from 0.001 to 0.1 m (radius of the wheel)
+>>> Wheel(radius=0.02)
+Traceback (most recent call last):
+    ...
+TypeError: Wheel has no field 'radius' (given 0.02); fields: radius_m; did you mean 'radius_m'?
+
+Contract: a configuration is immutable; vary it with ``dataclasses.replace``. ``to_dict`` gives plain JSON values and
+``from_dict`` reads them back to an equal configuration.
+"""
+
+import dataclasses
+import difflib
+import functools
+import math
+import numbers
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar, dataclass_transform
+
+T = TypeVar("T")
+_Check = Callable[[object], object]  # returns the accepted value, raises _Wrong
+
+
+class _Wrong(Exception):
+    """The value does not fit: the message says what was expected."""
+
+    def __init__(self, expected: str, *, wrong_type: bool) -> None:
+        super().__init__(expected)
+        self.wrong_type = wrong_type
+
+
+def _declare(default: Any, expected: str, doc: str, check: _Check) -> Any:
+    return dataclasses.field(default=default, metadata={"expected": expected, "doc": doc, "check": check})
+
+
+def _number(value: object, low: float, high: float, expected: str, whole: bool) -> int | float:
+    kind = numbers.Integral if whole else numbers.Real
+    if isinstance(value, bool) or not isinstance(value, kind):
+        raise _Wrong(expected, wrong_type=True)
+    number = int(value) if whole else float(value)
+    if not math.isfinite(number) or not low <= number <= high:
+        raise _Wrong(expected, wrong_type=False)
+    return number
+
+
+def real(default: float, low: float, high: float, unit: str, doc: str) -> Any:
+    """Declare a finite number in [low, high] of the given unit."""
+    expected = f"a number from {low:g} to {high:g} {unit}".rstrip()
+    return _declare(default, expected, doc, lambda value: _number(value, low, high, expected, False))
+
+
+def integer(default: int, low: int, high: int, unit: str, doc: str) -> Any:
+    """Declare a whole number in [low, high] of the given unit."""
+    expected = f"a whole number from {low} to {high} {unit}".rstrip()
+    return _declare(default, expected, doc, lambda value: _number(value, low, high, expected, True))
+
+
+def _several(default: tuple[Any, ...], expected: str, doc: str, item: Callable[[object], object]) -> Any:
+    def check(value: object) -> object:
+        if not isinstance(value, (tuple, list)) or len(value) != len(default):
+            raise _Wrong(expected, wrong_type=not isinstance(value, (tuple, list)))
+        return tuple(item(entry) for entry in value)
+
+    return _declare(default, expected, doc, check)
+
+
+def reals(default: tuple[float, ...], low: float, high: float, unit: str, doc: str) -> Any:
+    """Declare a tuple of ``len(default)`` finite numbers in [low, high]."""
+    expected = f"{len(default)} numbers from {low:g} to {high:g} {unit}".rstrip()
+    return _several(default, expected, doc, lambda value: _number(value, low, high, expected, False))
+
+
+def integers(default: tuple[int, ...], low: int, high: int, unit: str, doc: str) -> Any:
+    """Declare a tuple of ``len(default)`` whole numbers in [low, high]."""
+    expected = f"{len(default)} whole numbers from {low} to {high} {unit}".rstrip()
+    return _several(default, expected, doc, lambda value: _number(value, low, high, expected, True))
+
+
+def choice(default: str, options: tuple[str, ...], doc: str) -> Any:
+    """Declare one of a few words."""
+    expected = "one of " + ", ".join(repr(option) for option in options)
+
+    def check(value: object) -> object:
+        if not isinstance(value, str):
+            raise _Wrong(expected, wrong_type=True)
+        if value not in options:
+            raise _Wrong(expected + _did_you_mean(value, options), wrong_type=False)
+        return value
+
+    return _declare(default, expected, doc, check)
+
+
+def flag(default: bool, doc: str) -> Any:
+    """Declare a yes-or-no field."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, bool):
+            raise _Wrong("True or False", wrong_type=True)
+        return value
+
+    return _declare(default, "True or False", doc, check)
+
+
+def part(kind: type, doc: str) -> Any:
+    """Declare a nested configuration of the given class; a mapping is accepted too and read by ``from_dict``."""
+    expected = f"a {kind.__name__}"
+
+    def check(value: object) -> object:
+        if isinstance(value, Mapping):
+            return from_dict(kind, value)
+        if not isinstance(value, kind):
+            raise _Wrong(expected, wrong_type=True)
+        return value
+
+    return _declare(kind(), expected, doc, check)
+
+
+def _did_you_mean(word: str, options: tuple[str, ...] | list[str]) -> str:
+    close = difflib.get_close_matches(word, options, n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _refuse_unknown(cls: type, given: Mapping[str, object]) -> None:
+    names = [field.name for field in dataclasses.fields(cls)]
+    for name, value in given.items():
+        if name not in names:
+            hint = _did_you_mean(name, names)
+            raise TypeError(
+                f"{cls.__name__} has no field {name!r} (given {value!r}); fields: {', '.join(names)}{hint}"
+            )
+
+
+@dataclass_transform(
+    frozen_default=True,
+    kw_only_default=True,
+    field_specifiers=(real, integer, reals, integers, choice, flag, part),
+)
+def configuration(cls: type[T]) -> type[T]:
+    """Make a class a checked, frozen, keyword-only dataclass.
+
+    Every value is checked against its declaration (ValueError for the range, TypeError for the type or an unknown
+    name); then the class's own ``_check(self)``, if it has one, judges values together.
+    """
+
+    def __post_init__(self: Any) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            try:
+                accepted = field.metadata["check"](value)
+            except _Wrong as wrong:
+                kind = TypeError if wrong.wrong_type else ValueError
+                doc = field.metadata["doc"]
+                raise kind(f"{cls.__name__}.{field.name} = {value!r}; expected {wrong} ({doc})") from None
+            object.__setattr__(self, field.name, accepted)
+        if hasattr(self, "_check"):
+            self._check()
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]  # the hook that dataclass() looks for
+    made = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+    plain_init = made.__init__
+
+    @functools.wraps(plain_init)
+    def __init__(self: Any, *args: object, **given: object) -> None:
+        _refuse_unknown(made, given)
+        plain_init(self, *args, **given)
+
+    made.__init__ = __init__  # type: ignore[method-assign]  # adds the list of valid names to the error
+    made.__doc__ = f"{made.__doc__ or ''}\n\nFields:\n{describe(made)}"
+    return made
+
+
+def describe(cls: type) -> str:
+    """Return one line per field of a configuration: name, default, range and meaning."""
+    lines = []
+    for field in dataclasses.fields(cls):
+        default = field.default
+        shown = f"{type(default).__name__}()" if dataclasses.is_dataclass(default) else repr(default)
+        lines.append(f"    {field.name} = {shown}: {field.metadata['doc']}; {field.metadata['expected']}")
+    return "\n".join(lines)
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """Return a configuration as plain JSON values, nested parts included."""
+    plain: dict[str, Any] = dataclasses.asdict(config)
+    return plain
+
+
+def from_dict(cls: type[T], values: Mapping[str, Any]) -> T:
+    """Read a configuration of class ``cls`` from plain values, checking names, types and ranges.
+
+    Raises:
+        TypeError: an unknown name or a value of the wrong type.
+        ValueError: a value out of range.
+    """
+    _refuse_unknown(cls, values)
+    return cls(**values)

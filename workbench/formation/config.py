@@ -1,0 +1,104 @@
+"""The configuration of a convoy: everything that a run depends on, apart from its length."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arena.model import DRIVES
+from workbench.arena.tracks import TrackConfig
+from workbench.fields import choice, configuration, integer, integers, part, real, reals
+from workbench.formation.reward import PRESETS
+from workbench.learning.config import LearnerConfig
+from workbench.learning.tiles import TileGrid, Tiling
+from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
+
+V_MAX = speed_from_steps(MAX_STEPS)
+
+
+@configuration
+class ConvoyConfig:
+    """One leader and its followers: the robots, the track, the task and the learner.
+
+    What the paper states is taken from it: up to four followers, 9×9 states and 7×7 actions in simulation. It gives no
+    speeds, bounds, control period, reward or step sizes; these defaults are our choice.
+    """
+
+    followers: int = integer(4, 1, 256, "", "robots behind the leader")
+    drive: str = choice("wheels", DRIVES, "fidelity of the simulated robot")
+    sensing: str = choice("truth", ("truth",), "where the errors come from: truth reads the simulator's poses")
+    track: TrackConfig = part(TrackConfig, "the line on the floor")
+    leader_speed_mps: float = real(0.06, 0.005, 0.12, "m/s", "constant speed of the leader")
+    distance_m: tuple[float, float] = reals((0.08, 0.22), 0.0701, 1.0, "m", "terminal distances between centres; d* is the middle")
+    bearing_limit_rad: float = real(math.pi / 4, 0.05, math.pi, "rad", "terminal bearing on both sides")
+    state_tiles: tuple[int, int] = integers((9, 9), 1, 64, "", "cells of distance and bearing")
+    tiling: str = choice("uniform", ("uniform", "logarithmic"), "spacing of the state cells")
+    inner_distance_m: float = real(0.003, 1e-4, 0.5, "m", "half width of the middle distance cell (logarithmic)")
+    inner_bearing_rad: float = real(math.radians(2), 1e-3, 3.0, "rad", "half width of the middle bearing cell (logarithmic)")
+    action_levels: tuple[int, int] = integers((7, 7), 1, 64, "", "speed levels of the left and the right wheel")
+    wheel_speed_mps: tuple[float, float] = reals((0.03, 0.09), -V_MAX, V_MAX, "m/s", "slowest and fastest level of a wheel")
+    reward: str = choice("quadratic", PRESETS, "reward preset, all of them ours")
+    terminal_factor: float = real(1.0, 1.0, 1000.0, "", "terminal reward in units of the worst step reward / (1 - γ)")
+    reset: str = choice("manoeuvre", ("manoeuvre", "restart"), "after a loss: drive back (II-C), or restart the simulation")
+    sight_m: float = real(2.0, 0.1, 100.0, "m", "distance within which a lost predecessor can be seen")
+    weights: str = choice("own", ("own", "shared", "first"), "own tables; one shared table; the first learns, others copy")
+    learner: LearnerConfig = part(LearnerConfig, "step sizes, discount, exploration")
+    seed: int = integer(1, 0, 2**63 - 1, "", "seed of everything random in the run")
+
+    def _check(self) -> None:
+        for name in ("distance_m", "wheel_speed_mps"):
+            low, high = getattr(self, name)
+            if low >= high:
+                raise ValueError(f"ConvoyConfig.{name} = {(low, high)!r}; expected (low, high) with low < high")
+        if not self.wheel_speed_mps[0] <= self.leader_speed_mps <= self.wheel_speed_mps[1]:
+            raise ValueError(
+                f"ConvoyConfig.leader_speed_mps = {self.leader_speed_mps!r}; followers can only keep pace if it lies "
+                f"within wheel_speed_mps = {self.wheel_speed_mps!r}"
+            )
+        self.grid()  # refuses an even number of logarithmic cells and inner cells wider than the range
+
+    @property
+    def middle_m(self) -> float:
+        """The wanted distance d*, the middle of the bounds (requirement S1)."""
+        return (self.distance_m[0] + self.distance_m[1]) / 2
+
+    @property
+    def half_range_m(self) -> float:
+        """Largest |e_d|: half the distance between the bounds."""
+        return (self.distance_m[1] - self.distance_m[0]) / 2
+
+    def grid(self) -> TileGrid:
+        """Return the tilings of the distance error (m) and of the bearing (rad), in the order of the state index."""
+        tilings = []
+        for count, half, inner, name in (
+            (self.state_tiles[0], self.half_range_m, self.inner_distance_m, "inner_distance_m"),
+            (self.state_tiles[1], self.bearing_limit_rad, self.inner_bearing_rad, "inner_bearing_rad"),
+        ):
+            try:
+                if self.tiling == "uniform":
+                    tilings.append(Tiling.uniform(-half, half, count))
+                else:
+                    tilings.append(Tiling.logarithmic(-half, half, count, inner=inner))
+            except ValueError as error:
+                raise ValueError(
+                    f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = {inner!r}: {error}"
+                ) from None
+        return TileGrid(*tilings)
+
+    def levels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the speed levels of the left and right wheel in whole steps/s, slowest first."""
+        left, right = (
+            np.array([steps_from_speed(float(v)) for v in np.linspace(*self.wheel_speed_mps, count)], dtype=np.int64)
+            for count in self.action_levels
+        )
+        return left, right
+
+    @property
+    def actions(self) -> int:
+        """Number of actions, the full product of both wheels' levels."""
+        return self.action_levels[0] * self.action_levels[1]
+
+    def with_seed(self, seed: int) -> "ConvoyConfig":
+        """Return the same configuration with another seed."""
+        return replace(self, seed=seed)

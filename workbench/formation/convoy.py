@@ -1,0 +1,352 @@
+"""The convoy: joins world, leader, followers and learners, and yields blocks of step records.
+
+A convoy runs B formations side by side, one per seed, each with its own track, chance, weights and physics. Per control
+period one compiled call senses, acts and learns for every robot of every formation, and one call steps MuJoCo. The order
+within a call: leader and all followers choose from the same instant; then, while their actions run, all learn.
+
+Chance: one SeedSequence per formation with named children (track, sensor, policy), drawn in advance for a whole block.
+
+>>> convoy = Convoy(ConvoyConfig(followers=1, drive="planar"), [1], steps=50)
+>>> block = convoy.run_block()
+>>> int(convoy.updates[0]), block.shape
+(50, (1, 2500, 2))
+
+Contract: the block is the same array at every call, (B, BLOCK, followers + 1) of type STEP, robot 0 the leader; copy what
+you keep. Steps after a formation has finished have phase -1. ``state`` between blocks is everything: ``load`` continues
+as if never stopped.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from workbench.arena.floor import floor_darkness
+from workbench.arena.tracks import make_track
+from workbench.arena.world import World, read_pose, write_command
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.errors import observe
+from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, STEP, TASK, act, begin_episode, learn
+from workbench.formation.leader import follow_line
+from workbench.formation.reset import FOLLOW
+from workbench.formation.reward import PRESETS, terminal_reward
+from workbench.learning.behaviour import SCHEDULES, epsilon_at
+from workbench.learning.gq import not_finite
+from workbench.learning.kernel import new_trace
+from workbench.robot.geometry import GROUND_SENSOR_X, GROUND_SENSOR_Y
+from workbench.robot.geometry import STEP as STEP_LENGTH
+from workbench.robot.ground import ground_reading
+
+BLOCK = 2500  # control periods
+CHILDREN = ("track", "sensor", "policy")
+
+FORMATION = np.dtype([("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")])
+
+RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
+
+
+@njit(cache=True)
+def control_step(
+    t: int, task: Any, qpos: Any, ctrl: Any, floor: Any, formations: Any, robots: Any, weights: Any,
+    trace_ids: Any, trace_values: Any, chance: Any, block: Any,
+) -> int:  # fmt: skip
+    """Do one control period for all formations, all but the physics; return flags, 0 if nothing needs Python."""
+    flags = 0
+    for b in range(formations.size):
+        if formations[b].done:
+            continue
+        flags |= _formation_step(
+            t, task, qpos[b], ctrl[b], floor[b], formations[b], robots[b], weights[b],
+            trace_ids[b], trace_values[b], chance[b, t], block[b, t],
+        )  # fmt: skip
+    return flags
+
+
+@njit(cache=True)
+def _formation_step(
+    t: int, task: Any, qpos: Any, ctrl: Any, floor: Any, formation: Any, robots: Any, weights: Any,
+    trace_ids: Any, trace_values: Any, chance: Any, steps: Any,
+) -> int:  # fmt: skip
+    for i in range(robots.size):
+        robot = robots[i]
+        robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
+        steps[i].x, steps[i].y, steps[i].heading = robot.x, robot.y, math.atan2(robot.s, robot.c)
+
+    left, right = _lead(task, floor, robots[0], chance)
+    write_command(ctrl, 0, task.wheels, left, right)
+    steps[0].left, steps[0].right, steps[0].phase = left, right, FOLLOW
+
+    epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
+    flags = 0
+    for i in range(1, robots.size):
+        robot, step = robots[i], steps[i]
+        distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
+        left, right, finite = act(
+            task, robot, step, weights[robot.table], trace_ids[i - 1], trace_values[i - 1], distance, bearing,
+            epsilon if robot.learns else 0.0, chance[2 + i], formation.updates < formation.budget,
+        )  # fmt: skip
+        write_command(ctrl, i, task.wheels, left, right)
+        step.left, step.right = left, right
+        if step.event & LEARNED:
+            formation.updates += 1
+        if not finite:
+            flags |= DIVERGED
+        if task.restart and step.event & LOSS:
+            flags |= RESTART
+            formation.restart = 1
+    for i in range(1, robots.size):
+        robot = robots[i]
+        if not learn(task, robot, weights[robot.table], trace_ids[i - 1], trace_values[i - 1]):
+            flags |= DIVERGED
+    formation.periods += 1
+    if formation.updates >= formation.budget or formation.periods >= formation.last_period:
+        formation.done = 1
+        flags |= FINISHED
+    return flags
+
+
+@njit(cache=True)
+def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
+    """Read the three ground sensors under the leader and follow the line with them."""
+    left = _read_ground(task, floor, leader, 0, noise[0])
+    centre = _read_ground(task, floor, leader, 1, noise[1])
+    right = _read_ground(task, floor, leader, 2, noise[2])
+    return follow_line(leader, left, centre, right, task.leader_steps)
+
+
+@njit(cache=True)
+def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
+    x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
+    y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]
+    return ground_reading(floor_darkness(floor, task.x0, task.y0, x, y), k, noise)
+
+
+class Convoy:
+    """B formations of one leader and its followers, one per seed, learning or exploiting.
+
+    Args:
+        config: everything but the seed, which is replaced by each entry of ``seeds``.
+        seeds: (B,) one seed per formation.
+        steps: learning updates per formation, summed over its followers; 0 for a greedy, frozen evaluation.
+        periods: control periods at most; default for learning: twenty times what undisturbed learning needs.
+        policy: (tables, states, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
+        threads: MuJoCo's threads, 0 for one per core.
+
+    Attributes:
+        world: the physics, open to every use.
+        weights: (B, tables, 2, states * actions) main and secondary weights.
+        updates: (B,) learning updates done.
+        finished: whether all formations have used up their steps or periods.
+    """
+
+    def __init__(
+        self,
+        config: ConvoyConfig,
+        seeds: Sequence[int],
+        *,
+        steps: int = 0,
+        periods: int | None = None,
+        policy: NDArray[np.float64] | None = None,
+        threads: int = 0,
+    ) -> None:
+        if not seeds:
+            raise ValueError("seeds is empty; expected at least one seed")
+        if steps < 0 or (steps == 0 and not periods):
+            raise ValueError(f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1")
+        self.config, self.seeds = config, tuple(seeds)
+        count, n = len(seeds), config.followers
+        self._rngs = [_children(seed) for seed in seeds]
+        tracks = [
+            make_track(config.track, rng["track"], convoy_length_m=n * config.middle_m) for rng in self._rngs
+        ]
+        self.world = World(
+            n, tracks, drive=config.drive, spacing_m=config.middle_m,
+            line_width_m=config.track.line_width_m, threads=threads,
+        )  # fmt: skip
+        pairs = config.grid().n * config.actions
+        self.weights = self._first_weights(count, pairs, policy)
+        empty = new_trace(pairs)
+        self._trace_ids = np.tile(np.stack([empty[0], empty[2]]), (count, n, 1, 1))
+        self._trace_values = np.zeros((count, n, pairs))
+        self._formations = np.zeros(count, FORMATION)
+        self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
+        limit = periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
+        self._formations["last_period"] = limit
+        self._robots = np.zeros((count, n + 1), FOLLOWER)
+        self._robots["state"] = -1
+        self._robots["memory"] = -1.0 if config.track.direction == "clockwise" else 1.0
+        if self.weights.shape[1] > 1:
+            self._robots["table"][:, 1:] = np.arange(n)
+        if steps:
+            self._robots["learns"][:, 1:] = 1
+            if config.weights == "first":
+                self._robots["learns"][:, 2:] = 0
+        self._task = _task(config, steps, self.world)
+        self._chance = np.zeros((count, BLOCK, 3 + n))
+        self._sensor, self._policy = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n))
+        self._block = np.zeros((count, BLOCK, n + 1), STEP)
+
+    @property
+    def updates(self) -> NDArray[np.int64]:
+        """(B,) learning updates done so far."""
+        updates: NDArray[np.int64] = self._formations["updates"]
+        return updates
+
+    @property
+    def periods(self) -> NDArray[np.int64]:
+        """(B,) control periods done so far."""
+        periods: NDArray[np.int64] = self._formations["periods"]
+        return periods
+
+    @property
+    def finished(self) -> bool:
+        """Whether every formation has used up its steps or periods."""
+        return bool(np.all(self._formations["done"]))
+
+    def run_block(self) -> NDArray[np.void]:
+        """Run up to BLOCK control periods and return their records, (B, BLOCK, followers + 1) of type STEP.
+
+        Raises:
+            FloatingPointError: learning diverged; the message names seed, update, norms and step sizes.
+        RuntimeError: the physics became unstable.
+        """
+        for b, rng in enumerate(self._rngs):
+            rng["sensor"].standard_normal(out=self._sensor)
+            rng["policy"].random(out=self._policy)
+            self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
+        self._block["phase"] = -1
+        arrays = (
+            self._task[0], self.world.qpos, self.world.ctrl, self.world.floor, self._formations, self._robots,
+            self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
+        )  # fmt: skip
+        step, running = self.world.batch.step, self._running()
+        for t in range(BLOCK):
+            flags = control_step(t, *arrays)
+            if flags:
+                self._attend(flags)
+                running = self._running()
+                if self.finished:
+                    break
+            step(running, nstep=self.world.substeps)
+        for b, formation in enumerate(self._formations):
+            if not formation["done"]:
+                self.world.check(b, int(formation["periods"]))
+        return self._block
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """Return everything that the next block depends on, as copies of plain arrays."""
+        chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self._rngs]
+        return {
+            "physics": self.world.states.copy(), "robots": self._robots.copy(), "formations": self._formations.copy(),
+            "weights": self.weights.copy(), "trace_ids": self._trace_ids.copy(), "trace_values": self._trace_values.copy(),
+            "chance": np.array(json.dumps(chance)),
+        }  # fmt: skip
+
+    def load(self, state: Mapping[str, NDArray[np.generic]]) -> None:
+        """Continue from a state of a convoy with the same configuration, seeds and steps.
+
+        Raises:
+            ValueError: an array is missing or has another shape; nothing is changed then.
+        """
+        own = self.state()
+        for name, array in own.items():
+            if name not in state or state[name].shape != array.shape:
+                found = state[name].shape if name in state else "nothing"
+                raise ValueError(f"state[{name!r}] is {found}, expected {array.shape}; load into an equal convoy")
+        self.world.states[:] = state["physics"]
+        self._robots[:], self._formations[:] = state["robots"], state["formations"]
+        self.weights[:] = state["weights"]
+        self._trace_ids[:], self._trace_values[:] = state["trace_ids"], state["trace_values"]
+        for rng, children in zip(self._rngs, json.loads(str(state["chance"])), strict=True):
+            for name in CHILDREN:
+                rng[name].bit_generator.state = children[name]
+
+    def tables(self, formation: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return copies of a formation's main and secondary weights, each (tables, states, actions)."""
+        shape = (-1, self.config.grid().n, self.config.actions)
+        theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
+        return theta, w
+
+    def _running(self) -> NDArray[np.int64] | None:
+        done = self._formations["done"]
+        return np.flatnonzero(done == 0) if np.any(done) else None
+
+    def _attend(self, flags: int) -> None:
+        if flags & DIVERGED:
+            for b, seed in enumerate(self.seeds):
+                if not np.all(np.isfinite(self.weights[b])):
+                    learner = self.config.learner
+                    message = not_finite(
+                        int(self.updates[b]), self.weights[b, :, 0], self.weights[b, :, 1], learner.alpha, learner.beta
+                    )
+                    raise FloatingPointError(f"seed {seed}: {message}")
+            raise FloatingPointError("a temporal-difference error is not finite; lower the step sizes")
+        for b in np.flatnonzero(self._formations["restart"]):
+            self.world.restart(b)
+            for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
+                begin_episode(robot, ids)
+                robot["phase"], robot["timer"] = FOLLOW, 0
+        self._formations["restart"] = 0
+
+    def _first_weights(self, count: int, pairs: int, policy: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        config = self.config
+        tables = config.followers if config.weights == "own" else 1
+        if policy is None:
+            weights = np.zeros((count, tables, 2, pairs))
+            weights[:, :, 0] = config.learner.theta0
+            return weights
+        given = np.asarray(policy, dtype=np.float64)
+        if given.ndim == 3:
+            given = np.repeat(given[None], count, axis=0)
+        expected = (config.grid().n, config.actions)
+        if given.ndim != 4 or given.shape[::2] != (count, expected[0]) or given.shape[3] != expected[1]:
+            raise ValueError(
+                f"policy has shape {np.shape(policy)}; this convoy needs (tables, {expected[0]} states, {expected[1]} actions), "
+                f"or one such array for each of {count} seeds"
+            )
+        if given.shape[1] not in (1, config.followers):
+            raise ValueError(f"policy has {given.shape[1]} tables; expected 1, or one for each of {config.followers} followers")
+        if not np.all(np.isfinite(given)):
+            raise ValueError("policy holds weights that are not finite; it cannot be followed")
+        if given.shape[1] == 1 and tables > 1:
+            given = np.repeat(given, tables, axis=1)
+        weights = np.zeros((count, given.shape[1], 2, pairs))
+        weights[:, :, 0] = given.reshape(count, given.shape[1], pairs)
+        return weights
+
+
+def _children(seed: int) -> dict[str, np.random.Generator]:
+    """Return the named generators of one seed."""
+    spawned = np.random.SeedSequence(seed).spawn(len(CHILDREN))
+    return {name: np.random.default_rng(child) for name, child in zip(CHILDREN, spawned, strict=True)}
+
+
+def _task(config: ConvoyConfig, steps: int, world: World) -> NDArray[np.void]:
+    """Fill the TASK record of a configuration."""
+    task = np.zeros(1, TASK)
+    distance, bearing = config.grid().tilings
+    left, right = config.levels()
+    for name, values in (
+        ("distance_edges", distance.edges), ("bearing_edges", bearing.edges), ("left_steps", left), ("right_steps", right),
+    ):  # fmt: skip
+        task[name][0, : len(values)] = values
+    learner = config.learner
+    plain = {
+        "distance_tiles": distance.n, "bearing_tiles": bearing.n, "actions": config.actions, "right_levels": len(right),
+        "middle": config.middle_m, "half_range": config.half_range_m, "limit": config.bearing_limit_rad,
+        "sight": config.sight_m, "preset": PRESETS.index(config.reward),
+        "terminal_reward": terminal_reward(config.reward, learner.gamma, config.terminal_factor),
+        "alpha": learner.alpha, "beta": learner.beta, "gamma": learner.gamma, "lam": learner.lam,
+        "cutoff": learner.trace_cutoff, "buffer": learner.buffer, "schedule": SCHEDULES.index(learner.epsilon_schedule),
+        "epsilon": learner.epsilon, "epsilon_final": learner.epsilon_final,
+        "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
+        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "x0": world.x0, "y0": world.y0,
+        "wheels": world.wheels, "restart": config.reset == "restart",
+    }  # fmt: skip
+    for name, value in plain.items():
+        task[name] = value
+    return task

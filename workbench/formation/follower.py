@@ -1,0 +1,181 @@
+"""The follower: sense → tile → act → learn → reset. There is one implementation, this one.
+
+A follower is one record of type FOLLOWER, a row of weights and a sparse trace. ``act`` turns an observation into wheel
+commands and caches the finished transition; ``learn`` learns what is cached. With the update buffer (paper II-D) the loop
+calls ``act``, sends the command, and then ``learn``, while the action runs: action t + 1 uses weights without transition t.
+Without it ``act`` learns first. ρ is stored when an action is chosen and travels with its transition.
+
+The fast simulation loop calls both for all followers of all formations; a loop that drives one robot calls the same two.
+
+Contract: records, weights and traces are written in place; nothing is allocated. ``task`` is one TASK record, which
+``formation.convoy`` fills from a ConvoyConfig. A transition counts as a visit of its state S_t.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
+from workbench.formation.reward import step_reward
+from workbench.learning.behaviour import choose_action, greedy_action
+from workbench.learning.kernel import clear_trace, gq_update
+from workbench.learning.tiles import tile_index
+
+MAX_TILES = 64  # per dimension, of states and of actions
+
+TASK = np.dtype(
+    [
+        ("distance_edges", "f8", (MAX_TILES + 1,)), ("bearing_edges", "f8", (MAX_TILES + 1,)),  # m, rad, of the errors
+        ("distance_tiles", "i8"), ("bearing_tiles", "i8"), ("actions", "i8"), ("right_levels", "i8"),
+        ("left_steps", "i8", (MAX_TILES,)), ("right_steps", "i8", (MAX_TILES,)),  # steps/s of each action level
+        ("middle", "f8"), ("half_range", "f8"), ("limit", "f8"), ("sight", "f8"),  # m, m, rad, m
+        ("preset", "i8"), ("terminal_reward", "f8"),
+        ("alpha", "f8"), ("beta", "f8"), ("gamma", "f8"), ("lam", "f8"), ("cutoff", "f8"), ("buffer", "i8"),
+        ("schedule", "i8"), ("epsilon", "f8"), ("epsilon_final", "f8"), ("epsilon_horizon", "f8"),
+        ("leader_steps", "f8"), ("x0", "f8"), ("y0", "f8"), ("wheels", "i8"), ("restart", "i8"),
+    ],
+    align=True,
+)  # fmt: skip
+
+FOLLOWER = np.dtype(
+    [
+        ("x", "f8"), ("y", "f8"), ("c", "f8"), ("s", "f8"),  # pose: m, cosine and sine of the heading
+        ("phase", "i8"), ("timer", "i8"), ("memory", "f8"),
+        ("table", "i8"), ("learns", "i8"), ("trace", "i8"), ("decay", "f8"),
+        ("state", "i8"), ("action", "i8"), ("rho", "f8"), ("e_d", "f8"), ("o_err", "f8"),  # at the last choice; -1: none
+        ("waiting", "i8"), ("w_state", "i8"), ("w_action", "i8"), ("w_rho", "f8"), ("w_reward", "f8"), ("w_next", "i8"),
+        ("delta", "f8"), ("phi", "i8", (1,)), ("bar", "i8", (1,)),  # last TD error; scratch for the kernel's feature lists
+    ],
+    align=True,
+)  # fmt: skip
+
+STEP = np.dtype(
+    [
+        ("x", "f4"), ("y", "f4"), ("heading", "f4"),
+        ("phase", "i1"), ("event", "i1"), ("state", "i2"), ("action", "i2"),  # S_t, A_t of a finished transition or -1
+        ("distance_error", "f4"), ("bearing", "f4"), ("reward", "f4"),  # at S_t, m and rad; R_{t+1}
+        ("left", "i2"), ("right", "i2"),  # command in steps/s
+    ],
+    align=True,
+)  # fmt: skip
+
+LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED = 1, 2, 4, 8, 16  # bits of STEP.event
+
+_ONE = np.ones(1)
+
+
+@njit(cache=True)
+def begin_episode(follower: Any, trace_ids: Any) -> None:
+    """Forget the last action and clear the trace."""
+    follower.trace = clear_trace(trace_ids[0], trace_ids[1], follower.trace)
+    follower.decay = 0.0
+    follower.state = -1
+
+
+@njit(cache=True)
+def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: Any) -> bool:
+    """Learn the cached transition, if there is one; return whether the numbers stayed finite.
+
+    Args:
+        task, follower: records of type TASK and FOLLOWER.
+        weights: (2, pairs) main and secondary weights.
+        trace_ids: (2, pairs) index and slot of the sparse trace; trace_values: (pairs,).
+    """
+    if follower.waiting == 0:
+        return True
+    follower.waiting = 0
+    phi, bar = follower.phi, follower.bar
+    phi[0] = follower.w_state * task.actions + follower.w_action
+    gamma, count = 0.0, 0
+    if follower.w_next >= 0:
+        gamma = task.gamma
+        count = 1
+        start = follower.w_next * task.actions
+        bar[0] = start + greedy_action(weights[0], start, task.actions)
+    follower.trace, follower.delta, w_e = gq_update(
+        weights[0], weights[1], trace_ids[0], trace_values, trace_ids[1], follower.trace,
+        phi, _ONE, bar[:count], _ONE, follower.w_reward, 0.0, 1.0, follower.w_rho, follower.decay,
+        gamma, task.lam, task.alpha, task.beta, task.cutoff,
+    )  # fmt: skip
+    follower.decay = gamma * task.lam
+    finite = math.isfinite(follower.delta) and math.isfinite(w_e) and math.isfinite(weights[0, phi[0]])
+    if gamma == 0.0:
+        begin_episode(follower, trace_ids)
+    return finite
+
+
+@njit(cache=True)
+def _finish(follower: Any, step: Any, reward: float, next_state: int, room: bool) -> None:
+    """Cache the transition that ends now and record it as a visit of its state, unless the run's budget is used up."""
+    if follower.learns and not room:
+        return
+    follower.waiting = follower.learns
+    follower.w_state, follower.w_action, follower.w_rho = follower.state, follower.action, follower.rho
+    follower.w_reward, follower.w_next = reward, next_state
+    step.state, step.action, step.reward = follower.state, follower.action, reward
+    step.distance_error, step.bearing = follower.e_d, follower.o_err
+    if follower.learns:
+        step.event |= LEARNED
+
+
+@njit(cache=True)
+def act(
+    task: Any, follower: Any, step: Any, weights: Any, trace_ids: Any, trace_values: Any,
+    distance: float, bearing: float, epsilon: float, u: float, room: bool,
+) -> tuple[int, int, bool]:  # fmt: skip
+    """Observe, finish the running transition and choose wheel commands.
+
+    Args:
+        task, follower, step: records of type TASK, FOLLOWER and STEP (written: what happened).
+        weights, trace_ids, trace_values: see ``learn``.
+        distance, bearing: of the predecessor, m and rad.
+        epsilon, u: exploration rate and one uniform number in [0, 1).
+        room: whether the run has room for one more learning update.
+
+    Returns:
+        (left, right, finite): commands in whole steps/s; False where learning diverged.
+    """
+    step.state, step.action, step.event = -1, -1, 0
+    finite = True
+    e_d = distance - task.middle
+    if follower.phase != FOLLOW:
+        before = follower.phase
+        left, right = manoeuvre(
+            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight
+        )  # fmt: skip
+        if follower.phase != FOLLOW:
+            if follower.phase == SEARCH and before != SEARCH:
+                step.event |= TIMED_OUT
+            if follower.phase == LOST and before != LOST:
+                step.event |= GAVE_UP
+            step.phase = follower.phase
+            return left, right, finite
+        step.event |= RECOVERED
+    row = tile_index(task.distance_edges, task.distance_tiles, e_d)
+    column = tile_index(task.bearing_edges, task.bearing_tiles, bearing)
+    lost = row < 0 or column < 0
+    state = -1 if lost else row * task.bearing_tiles + column
+    if follower.state >= 0:
+        reward = task.terminal_reward
+        if not lost:
+            reward = step_reward(task.preset, e_d / task.half_range, bearing / task.limit)
+        _finish(follower, step, reward, state, room)
+        if not task.buffer:
+            finite = learn(task, follower, weights, trace_ids, trace_values)
+    if lost:
+        step.event |= LOSS
+        follower.state = -1
+        begin_reset(follower, distance, task.middle - task.half_range)
+        step.phase = follower.phase
+        left, right = manoeuvre(
+            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight
+        )  # fmt: skip
+        return left, right, finite
+    action, rho = choose_action(weights[0], state * task.actions, task.actions, epsilon, u)
+    follower.state, follower.action, follower.rho = state, action, rho
+    follower.e_d, follower.o_err = e_d, bearing
+    step.phase = FOLLOW
+    return task.left_steps[action // task.right_levels], task.right_steps[action % task.right_levels], finite
+

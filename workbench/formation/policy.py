@@ -1,0 +1,102 @@
+"""A learned policy with the description of what its numbers mean: tiles, actions and their units.
+
+A table of action values is only usable with the tilings and action levels that it was learned with; a policy carries
+them and refuses to drive anything else.
+
+>>> from workbench.formation.config import ConvoyConfig
+>>> config = ConvoyConfig()
+>>> policy = Policy.of(config, np.zeros((1, 81, 49)))
+>>> policy.check(config)
+>>> policy.greedy().shape
+(1, 81)
+
+Contract: a policy is immutable; its arrays are read-only copies.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.formation.config import ConvoyConfig
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """Action values and their meaning.
+
+    Attributes:
+        theta: (tables, states, actions) main weights; one table for all followers, or one each.
+        distance_edges, bearing_edges: borders of the tiles of e_d in m and of o_err in rad.
+        left_steps, right_steps: action levels in steps/s; action = i_left * len(right_steps) + i_right.
+    """
+
+    theta: NDArray[np.float64]
+    distance_edges: NDArray[np.float64]
+    bearing_edges: NDArray[np.float64]
+    left_steps: NDArray[np.int64]
+    right_steps: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            array = np.array(getattr(self, field.name))
+            array.flags.writeable = False
+            object.__setattr__(self, field.name, array)
+        states = (self.distance_edges.size - 1) * (self.bearing_edges.size - 1)
+        expected = (states, self.left_steps.size * self.right_steps.size)
+        if self.theta.ndim != 3 or self.theta.shape[1:] != expected:
+            raise ValueError(
+                f"theta has shape {self.theta.shape}; its tiles and levels ask for (tables, {expected[0]}, {expected[1]})"
+            )
+
+    @classmethod
+    def of(cls, config: ConvoyConfig, theta: NDArray[np.float64]) -> "Policy":
+        """Return the policy of weights that were learned under a configuration."""
+        distance, bearing = config.grid().tilings
+        return cls(theta, distance.edges, bearing.edges, *config.levels())
+
+    def greedy(self) -> NDArray[np.int64]:
+        """Return the greedy action of every state, (tables, states), the lowest index on ties."""
+        greedy: NDArray[np.int64] = np.argmax(self.theta, axis=2)
+        return greedy
+
+    def check(self, config: ConvoyConfig) -> None:
+        """Refuse a configuration whose tiles or actions differ.
+
+        Raises:
+            ValueError: what differs, with both sides.
+        """
+        own = Policy.of(config, np.zeros((1, config.grid().n, config.actions)))
+        for field in fields(self)[1:]:
+            mine, theirs = getattr(self, field.name), getattr(own, field.name)
+            if not np.array_equal(mine, theirs):
+                raise ValueError(
+                    f"{field.name} of the policy are {mine.tolist()}, of the configuration {theirs.tolist()}; "
+                    "use the configuration that the policy was learned with"
+                )
+        if self.theta.shape[0] not in (1, config.followers):
+            raise ValueError(
+                f"the policy has {self.theta.shape[0]} tables, the convoy {config.followers} followers; expected one table "
+                "for all, or one each"
+            )
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the policy as plain arrays, for a file."""
+        return {"schema": np.array(SCHEMA)} | {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> "Policy":
+        """Read what ``arrays`` wrote.
+
+        Raises:
+            ValueError: another schema, or an array is missing.
+        """
+        missing = [field.name for field in fields(cls) if field.name not in arrays]
+        if missing or int(arrays.get("schema", np.array(-1))) != SCHEMA:
+            raise ValueError(
+                f"not a policy of schema {SCHEMA}: schema {arrays.get('schema', 'missing')}, missing arrays {missing}"
+            )
+        return cls(**{field.name: arrays[field.name] for field in fields(cls)})  # type: ignore[arg-type]

@@ -1,0 +1,307 @@
+"""GQ(λ) and Greedy-GQ(λ) as objects: weights, trace and step sizes around the kernel.
+
+``GQ`` learns with any sparse features and a target policy that the caller knows. ``GreedyGQ`` is the control algorithm of
+the paper: one feature per (state, action) pair, greedy target policy, ε-greedy behaviour. ``UpdateBuffer`` is the paper's
+update buffer (II-D).
+
+>>> learner = GreedyGQ(states=2, actions=2, alpha=0.5, beta=0.01, gamma=0.9, lam=0.0)
+>>> learner.begin_episode()
+>>> learner.update(0, 1, -1.0, None, rho=1.0)
+>>> learner.theta.tolist()
+[[0.0, -0.5], [0.0, 0.0]]
+
+Contract: ``theta`` and ``w`` are the live weights, views and not copies; ``trace`` and ``state`` return copies. An object
+is used by one thread at a time.
+"""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.learning.behaviour import choose_action, greedy_action
+from workbench.learning.kernel import clear_trace, gq_update, new_trace
+
+SCHEMA = 1
+State = dict[str, NDArray[np.float64] | NDArray[np.int32] | float | int | str]
+
+
+class GQ:
+    """GQ(λ) with linear function approximation on sparse features.
+
+    Args:
+        features: length of the weight vectors.
+        alpha, beta: main and secondary step size.
+        cutoff: trace entries at or below this magnitude are dropped; 0 keeps all.
+        theta0: initial main weight.
+
+    Invariant: the sparse trace never holds a feature twice, and w starts at 0.
+    """
+
+    def __init__(
+        self, features: int, alpha: float, *, beta: float = 0.0, cutoff: float = 0.0, theta0: float = 0.0
+    ) -> None:
+        if features < 1:
+            raise ValueError(f"features = {features!r}; expected at least 1")
+        for name, number, positive in (("alpha", alpha, True), ("beta", beta, False), ("cutoff", cutoff, False)):
+            if not np.isfinite(number) or number < 0 or (positive and number == 0):
+                raise ValueError(f"{name} = {number!r}; expected a finite number {'above' if positive else 'from'} 0")
+        if not np.isfinite(theta0):
+            raise ValueError(f"theta0 = {theta0!r}; expected a finite number")
+        self.alpha, self.beta, self.cutoff = float(alpha), float(beta), float(cutoff)
+        self._theta = np.full(features, float(theta0))
+        self._w = np.zeros(features)
+        self._index, self._value, self._slot = new_trace(features)
+        self._n = 0
+        self._decay = 0.0
+        self.steps = 0
+        self.delta = 0.0
+
+    def begin_episode(self) -> None:
+        """Clear the trace: nothing before this moment is credited for what follows."""
+        self._n = int(clear_trace(self._index, self._slot, self._n))
+        self._decay = 0.0
+
+    def learn(
+        self,
+        phi: tuple[ArrayLike, ArrayLike],
+        reward: float,
+        phi_bar: tuple[ArrayLike, ArrayLike],
+        *,
+        gamma: float,
+        lam: float,
+        rho: float,
+        outcome: float = 0.0,
+        interest: float = 1.0,
+    ) -> None:
+        """Learn one transition.
+
+        Args:
+            phi: indices and values of the active features of (S_t, A_t).
+            reward: R_{t+1}.
+            phi_bar: the same for φ̄_{t+1}; empty lists at a terminal.
+            gamma, lam: γ and λ of S_{t+1}; gamma = 0 at a terminal.
+            rho: importance ratio of A_t, fixed when A_t was chosen.
+            outcome, interest: z_{t+1} and I_t.
+
+        Raises:
+            FloatingPointError: the update is not finite; the message has step number, weight norm and step sizes.
+        """
+        self._n, self.delta, w_e = gq_update(
+            self._theta, self._w, self._index, self._value, self._slot, self._n,
+            np.asarray(phi[0], np.int64), np.asarray(phi[1], np.float64),
+            np.asarray(phi_bar[0], np.int64), np.asarray(phi_bar[1], np.float64),
+            float(reward), float(outcome), float(interest), float(rho),
+            self._decay, float(gamma), float(lam), self.alpha, self.beta, self.cutoff,
+        )  # fmt: skip
+        self._decay = float(gamma) * float(lam)
+        self.steps += 1
+        touched = self._theta[self._index[: self._n]]
+        if not (np.isfinite(self.delta) and np.isfinite(w_e) and np.all(np.isfinite(touched))):
+            raise FloatingPointError(not_finite(self.steps, self._theta, self._w, self.alpha, self.beta))
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """Main weights, (features,)."""
+        return self._theta
+
+    @property
+    def w(self) -> NDArray[np.float64]:
+        """Secondary weights, (features,)."""
+        return self._w
+
+    def trace(self) -> NDArray[np.float64]:
+        """Return a dense copy of the trace, in the shape of theta."""
+        dense = np.zeros(self._theta.size)
+        dense[self._index[: self._n]] = self._value[: self._n]
+        return dense.reshape(self.theta.shape)
+
+    def state(self) -> State:
+        """Return everything that the next update depends on, as arrays and plain values (all copies)."""
+        return {
+            "schema": SCHEMA, "kind": type(self).__name__, "theta": self.theta.copy(), "w": self.w.copy(),
+            "trace_index": self._index[: self._n].copy(), "trace_value": self._value[: self._n].copy(),
+            "decay": self._decay, "steps": self.steps,
+            "alpha": self.alpha, "beta": self.beta, "cutoff": self.cutoff,
+        }  # fmt: skip
+
+    def load(self, state: Mapping[str, object]) -> None:
+        """Continue from a state of the same kind, shape and step sizes.
+
+        Raises:
+            ValueError: the state belongs to another kind of learner, layout or parameter; nothing is changed then.
+        """
+        own = self.state()
+        missing = sorted(set(own) - set(state))
+        if missing:
+            raise ValueError(f"state lacks {', '.join(missing)}; expected what state() returns")
+        for name in own:
+            if name in ("theta", "w"):
+                given, expected = np.shape(state[name]), np.shape(own[name])  # type: ignore[arg-type]
+            elif name in ("trace_index", "trace_value", "decay", "steps"):
+                continue
+            else:
+                given, expected = _plain(state[name]), own[name]  # type: ignore[assignment]
+            if given != expected:
+                raise ValueError(f"state[{name!r}] is {given!r}, this learner has {expected!r}; load into an equal learner")
+        index = np.asarray(state["trace_index"], np.int32)
+        self._theta[:] = np.asarray(state["theta"], np.float64).ravel()
+        self._w[:] = np.asarray(state["w"], np.float64).ravel()
+        self.begin_episode()
+        self._n = index.size
+        self._index[: self._n] = index
+        self._value[: self._n] = np.asarray(state["trace_value"], np.float64)
+        self._slot[index] = np.arange(self._n)
+        self._decay = float(np.asarray(state["decay"]))
+        self.steps = int(np.asarray(state["steps"]))
+
+
+class GreedyGQ(GQ):
+    """Greedy-GQ(λ) on a table of states and actions (Maei et al. 2010; paper section I-A).
+
+    Args:
+        states, actions: size of the table; one binary feature per pair.
+        alpha, beta: main and secondary step size (β = αη).
+        gamma, lam: discount and trace decay of every state that is not terminal.
+        cutoff, theta0: see GQ.
+    """
+
+    def __init__(
+        self,
+        states: int,
+        actions: int,
+        *,
+        alpha: float,
+        beta: float,
+        gamma: float,
+        lam: float,
+        cutoff: float = 0.0,
+        theta0: float = 0.0,
+    ) -> None:
+        if states < 1 or actions < 1:
+            raise ValueError(f"states = {states!r}, actions = {actions!r}; expected at least 1 of each")
+        for name, number in (("gamma", gamma), ("lam", lam)):
+            if not 0.0 <= number <= 1.0:
+                raise ValueError(f"{name} = {number!r}; expected a number from 0 to 1")
+        super().__init__(states * actions, alpha, beta=beta, cutoff=cutoff, theta0=theta0)
+        self.states, self.actions = states, actions
+        self.gamma, self.lam = float(gamma), float(lam)
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """Main weights, the learned action values, (states, actions)."""
+        return self._theta.reshape(self.states, self.actions)
+
+    @property
+    def w(self) -> NDArray[np.float64]:
+        """Secondary weights, (states, actions)."""
+        return self._w.reshape(self.states, self.actions)
+
+    def greedy(self, s: int) -> int:
+        """Return the greedy action in state s, the lowest index on ties."""
+        return int(greedy_action(self._theta, self._pair(s, 0), self.actions))
+
+    def act(self, s: int, rng: np.random.Generator, *, epsilon: float) -> tuple[int, float]:
+        """Return an ε-greedy action in state s and its importance ratio ρ, which belongs to this moment."""
+        if not 0.0 <= epsilon <= 1.0:
+            raise ValueError(f"epsilon = {epsilon!r}; expected a number from 0 to 1")
+        action, rho = choose_action(self._theta, self._pair(s, 0), self.actions, epsilon, rng.random())
+        return int(action), float(rho)
+
+    def update(self, s: int, a: int, reward: float, s_next: int | None, *, rho: float) -> None:
+        """Learn the transition (s, a) → reward, s_next.
+
+        Args:
+            s, a: state and action, 0-based.
+            reward: R_{t+1}.
+            s_next: the next state; None at a terminal. An episode cut off by a time limit is not terminal: give its state.
+            rho: importance ratio of a, fixed when a was chosen.
+
+        Raises:
+            ValueError: an index out of range, or a reward or rho that is not finite (rho also not negative).
+            FloatingPointError: the update diverged.
+        """
+        if not np.isfinite(reward):
+            raise ValueError(f"reward = {reward!r}; expected a finite number")
+        if not np.isfinite(rho) or rho < 0:
+            raise ValueError(f"rho = {rho!r}; expected a finite number from 0: 1/b(a|s) if a was greedy, else 0")
+        pair = self._pair(s, a)
+        if s_next is None:
+            self.learn(([pair], [1.0]), reward, ([], []), gamma=0.0, lam=self.lam, rho=rho)
+        else:
+            best = self._pair(s_next, self.greedy(s_next))
+            self.learn(([pair], [1.0]), reward, ([best], [1.0]), gamma=self.gamma, lam=self.lam, rho=rho)
+
+    def state(self) -> State:
+        """Return everything that the next update depends on, as arrays and plain values (all copies)."""
+        return super().state() | {"gamma": self.gamma, "lam": self.lam}
+
+    def _pair(self, s: int, a: int) -> int:
+        if not 0 <= s < self.states:
+            raise ValueError(f"state {s!r}; the learner has states 0 to {self.states - 1}")
+        if not 0 <= a < self.actions:
+            raise ValueError(f"action {a!r}; the learner has actions 0 to {self.actions - 1}")
+        return int(s) * self.actions + int(a)
+
+
+class _Learner(Protocol):
+    def begin_episode(self) -> None: ...
+    def update(self, s: int, a: int, reward: float, s_next: int | None, *, rho: float) -> None: ...
+
+
+class UpdateBuffer:
+    """The paper's update buffer (II-D), depth 1: observations are cached and learned while the next action runs.
+
+    The robot loop is: observe, ``push`` the finished transition, choose and send the next action, ``flush`` while it runs.
+    A terminal needs one extra ``flush``, as no action follows. ``push`` learns a transition that is still waiting, so that
+    nothing is lost, and leaving the ``with`` block learns the last one.
+
+    >>> learner = GreedyGQ(states=1, actions=1, alpha=0.5, beta=0.0, gamma=0.0, lam=0.0)
+    >>> with UpdateBuffer(learner) as buffer:
+    ...     buffer.push(0, 0, 1.0, None, rho=1.0)
+    ...     before = learner.theta[0, 0]
+    >>> float(before), float(learner.theta[0, 0])
+    (0.0, 0.5)
+    """
+
+    def __init__(self, learner: _Learner) -> None:
+        self.learner = learner
+        self._waiting: tuple[int, int, float, int | None, float] | None = None
+
+    def begin_episode(self) -> None:
+        """Learn what still waits, then clear the learner's trace."""
+        self.flush()
+        self.learner.begin_episode()
+
+    def push(self, s: int, a: int, reward: float, s_next: int | None, *, rho: float) -> None:
+        """Cache a finished transition, with the ρ that was fixed when ``a`` was chosen."""
+        self.flush()
+        self._waiting = (s, a, reward, s_next, rho)
+
+    def flush(self) -> bool:
+        """Learn the waiting transition exactly once; return whether there was one."""
+        if self._waiting is None:
+            return False
+        (s, a, reward, s_next, rho), self._waiting = self._waiting, None
+        self.learner.update(s, a, reward, s_next, rho=rho)
+        return True
+
+    def __enter__(self) -> "UpdateBuffer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.flush()
+
+
+def not_finite(step: int, theta: NDArray[np.float64], w: NDArray[np.float64], alpha: float, beta: float) -> str:
+    """Return the message for weights that are no longer numbers: step, norms and step sizes."""
+    norm, w_norm = float(np.linalg.norm(theta)), float(np.linalg.norm(w))
+    return (
+        f"learning diverged at update {step}: |theta| = {norm:g}, |w| = {w_norm:g} with alpha = {alpha:g}, "
+        f"beta = {beta:g}; lower the step sizes, or gamma * lam"
+    )
+
+
+def _plain(value: object) -> object:
+    return value.item() if isinstance(value, (np.ndarray, np.generic)) else value

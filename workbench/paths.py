@@ -1,0 +1,35 @@
+"""Where things are, and how this process was asked to run.
+
+The only place that reads the environment. Three switches exist:
+
+    WORKBENCH_QUICK=1        notebooks run a small version and write no figure (tests)
+    WORKBENCH_STATIC=1       no progress bars, no widgets (stored notebooks, logs)
+    WORKBENCH_RECORDINGS=DIR recordings of real robots, for validation only
+
+>>> (ROOT / "workbench").is_dir()
+True
+"""
+
+import os
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "data"
+FIGURES = ROOT / "figures"
+NOTEBOOKS = ROOT / "notebooks"
+RUNS = ROOT / "runs"
+
+QUICK = os.environ.get("WORKBENCH_QUICK", "") == "1"
+STATIC = os.environ.get("WORKBENCH_STATIC", "") == "1"
+
+
+def recordings() -> Path:
+    """Return the folder of real-robot recordings.
+
+    Raises:
+        FileNotFoundError: WORKBENCH_RECORDINGS is unset or names no folder.
+    """
+    value = os.environ.get("WORKBENCH_RECORDINGS", "")
+    if not value or not Path(value).is_dir():
+        raise FileNotFoundError(f"WORKBENCH_RECORDINGS is {value!r}; set it to the folder that holds the recordings")
+    return Path(value)

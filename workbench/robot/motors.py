@@ -1,0 +1,52 @@
+"""The e-puck's stepper motors: whole steps per second in, firmware quantisation and saturation.
+
+The firmware (gctronic/e-puck-library, advance_one_timer/e_motors.c) clamps a command to ±1000 steps/s and waits
+int(10000 / |v|) ticks of 0.1 ms between steps, so that the wheel turns at 10000 / int(10000 / |v|) steps/s. Above 500 the
+grid is coarse: 625, 667, 714, 769, 833, 909, 1000.
+
+>>> motor_speed(550), round(motor_speed(-350), 1), motor_speed(2000)
+(555.5555555555555, -357.1, 1000.0)
+>>> steps_from_speed(0.06)
+466
+"""
+
+import math
+
+from numba import njit
+
+from workbench.robot.geometry import STEP, STEPS_PER_TURN, TRACK
+
+MAX_STEPS = 1000  # steps/s, the firmware's clamp
+TICKS = 10_000  # timer ticks per second
+RADIANS_PER_STEP = 2 * math.pi / STEPS_PER_TURN
+
+
+@njit(cache=True)
+def motor_speed(command: int) -> float:
+    """Return the steps/s at which a wheel really turns for a commanded whole number of steps/s."""
+    speed = min(abs(command), MAX_STEPS)
+    if speed == 0:
+        return 0.0
+    real = TICKS / (TICKS // speed)
+    return real if command > 0 else -real
+
+
+def steps_from_speed(speed_mps: float) -> int:
+    """Convert a rim speed in m/s to the nearest whole command in steps/s.
+
+    Raises:
+        ValueError: the speed is not finite or beyond the motor's ±1000 steps/s (0.1288 m/s).
+    """
+    if not math.isfinite(speed_mps) or abs(speed_mps) > MAX_STEPS * STEP * (1 + 1e-9):
+        raise ValueError(f"speed {speed_mps!r} m/s; an e-puck's wheel does at most {MAX_STEPS * STEP:.4f} m/s")
+    return round(speed_mps / STEP)
+
+
+def speed_from_steps(steps: float) -> float:
+    """Convert steps/s to the rim speed in m/s."""
+    return steps * STEP
+
+
+def twist(left_steps: float, right_steps: float) -> tuple[float, float]:
+    """Return forward speed in m/s and turning rate in rad/s of exact rolling at two wheel speeds in steps/s."""
+    return (left_steps + right_steps) * STEP / 2, (right_steps - left_steps) * STEP / TRACK

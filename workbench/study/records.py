@@ -1,0 +1,158 @@
+"""What is kept of a run: per block and follower the visits, errors, losses and rewards, and whole sampled blocks.
+
+``Recorder`` consumes the blocks that a convoy yields, one formation each. ``summarise`` makes the numbers of a run from
+its records, so that they can always be computed again from the stored file.
+
+Contract: every array is plain, without pickle. Lengths in m, angles in rad; the summary converts to mm and degrees.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, STEP, TIMED_OUT
+from workbench.formation.reset import FOLLOW, LOST
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.study.statistics import best_block, best_cell, moments
+
+SAMPLED = (0.0, 0.01, 0.1, 0.5)  # parts of the run after which a whole block is kept; the last block is kept too
+SUMS = (
+    "visits", "distance", "distance2", "bearing", "bearing2", "reward",
+    "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost",
+)  # fmt: skip
+Records = dict[str, NDArray[Any]]
+
+
+class Recorder:
+    """Collect the blocks of one formation.
+
+    Args:
+        config: of the convoy.
+        length: learning updates (or control periods) of the whole run, against which progress is measured.
+    """
+
+    def __init__(self, config: ConvoyConfig, length: int) -> None:
+        self.config, self.length = config, length
+        self._states = config.grid().n
+        self._rows: list[NDArray[np.float64]] = []
+        self._visits: list[NDArray[np.int32]] = []
+        self._starts: list[int] = []
+        self._samples: list[NDArray[np.void]] = []
+        self._sample_starts: list[int] = []
+        self._last: NDArray[np.void] = np.zeros((0, config.followers + 1), STEP)
+        self._last_start = 0
+
+    def add(self, block: NDArray[np.void], start: int) -> None:
+        """Record one block (periods, followers + 1) of STEP that began after ``start`` updates (or periods)."""
+        block = block[block["phase"][:, 0] >= 0]
+        followers = block[:, 1:]
+        visited = followers["state"] >= 0
+        columns = []
+        for i in range(followers.shape[1]):
+            at, seen = followers[:, i], visited[:, i]
+            e_d, o_err = at["distance_error"][seen].astype(float), at["bearing"][seen].astype(float)
+            events = [np.count_nonzero(at["event"] & bit) for bit in (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)]
+            phases = [len(at), np.count_nonzero(at["phase"] != FOLLOW), np.count_nonzero(at["phase"] == LOST)]
+            errors = [seen.sum(), e_d.sum(), (e_d**2).sum(), o_err.sum(), (o_err**2).sum()]
+            columns.append([*errors, at["reward"][seen].astype(float).sum(), *events, *phases])
+        self._rows.append(np.array(columns, dtype=np.float64))
+        counts = [np.bincount(followers[:, i]["state"][visited[:, i]], minlength=self._states) for i in range(len(columns))]
+        self._visits.append(np.array(counts, dtype=np.int32))
+        due = len(self._samples) < len(SAMPLED) and start >= SAMPLED[len(self._samples)] * self.length
+        if due:
+            self._samples.append(block.copy())
+            self._sample_starts.append(start)
+        self._last, self._last_start = block.copy(), start
+        self._starts.append(start)
+
+    def records(self) -> Records:
+        """Return everything recorded so far.
+
+        Returns:
+            starts: (K,) updates (periods) before each block.
+            sums: (K, followers, len(SUMS)) see SUMS: visits, sums of errors and their squares (m, rad) and of rewards,
+                event counts, control periods in all, away from following, and lost among them.
+            visits: (K, followers, states).
+            samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last block at the end.
+            sample_lengths, sample_starts: (M,) periods of each sampled block, updates (periods) before it.
+        """
+        n = self.config.followers
+        samples, starts = [*self._samples, self._last], [*self._sample_starts, self._last_start]
+        return {
+            "starts": np.array(self._starts, dtype=np.int64),
+            "sums": np.array(self._rows).reshape(-1, n, len(SUMS)),
+            "visits": np.array(self._visits, dtype=np.int32).reshape(-1, n, self._states),
+            "samples": np.concatenate(samples),
+            "sample_lengths": np.array([len(block) for block in samples], dtype=np.int64),
+            "sample_starts": np.array(starts, dtype=np.int64),
+        }
+
+    def load(self, records: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from ``records``."""
+        self._starts = [int(start) for start in records["starts"]]
+        self._rows, self._visits = list(records["sums"]), list(records["visits"])
+        blocks = np.split(records["samples"], np.cumsum(records["sample_lengths"])[:-1])
+        starts = [int(start) for start in records["sample_starts"]]
+        self._samples, self._last = blocks[:-1], blocks[-1]
+        self._sample_starts, self._last_start = starts[:-1], starts[-1]
+
+
+def sampled_blocks(records: Mapping[str, NDArray[Any]]) -> list[tuple[int, NDArray[np.void]]]:
+    """Return the sampled blocks as (updates or periods before it, (periods, followers + 1) of STEP)."""
+    blocks = np.split(records["samples"], np.cumsum(records["sample_lengths"])[:-1])
+    return [(int(start), block) for start, block in zip(records["sample_starts"], blocks, strict=True)]
+
+
+def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return the numbers of a run as plain values; shares and errors are pooled over the followers.
+
+    Keys ending in ``_last_third`` cover the blocks that began in the last third of the run, ``_all_time`` the same share
+    with reset and lost time in the denominator.
+    """
+    late = records["starts"] >= 2 / 3 * length
+    whole = _numbers(config, records["visits"], records["sums"])
+    third = _numbers(config, records["visits"][late], records["sums"][late])
+    wanted = (
+        "share_best_cell", "share_best_3x3", "share_best_3x3_all_time", "share_best_cell_all_time", "losses",
+        "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg",
+    )  # fmt: skip
+    return (
+        {"steps": updates, "seed": config.seed, "followers": config.followers, "drive": config.drive}
+        | whole
+        | {f"{key}_last_third": third[key] for key in wanted}
+    )
+
+
+def _numbers(config: ConvoyConfig, visits: NDArray[np.int32], sums: NDArray[np.float64]) -> dict[str, Any]:
+    pooled = visits.sum(axis=(0, 1)).reshape(config.state_tiles)
+    column = {name: sums[:, :, k] for k, name in enumerate(SUMS)}
+    cell, cell_place = best_cell(pooled)
+    block, block_place = best_block(pooled)
+    following = pooled.sum() / max(column["periods"].sum(), 1)
+    e_mean, _, e_rms = moments(column["visits"], column["distance"], column["distance2"])
+    o_mean, o_std, _ = moments(column["visits"], column["bearing"], column["bearing2"])
+    hours = float(column["periods"].sum()) * CONTROL_PERIOD / 3600
+    losses = int(column["losses"].sum())
+    return {
+        "share_best_cell": cell,
+        "share_best_3x3": block,
+        "share_best_cell_all_time": float(cell * following),
+        "share_best_3x3_all_time": float(block * following),
+        "best_cell": list(cell_place),
+        "best_3x3": list(block_place),
+        "losses": losses,
+        "losses_per_hour": losses / hours if hours else math.nan,  # per hour of one follower
+        "time_outs": int(column["timed_out"].sum()),
+        "gave_up": int(column["gave_up"].sum()),
+        "mean_distance_mm": 1000 * e_mean,
+        "rms_distance_mm": 1000 * e_rms,
+        "bearing_mean_deg": math.degrees(o_mean),
+        "bearing_std_deg": math.degrees(o_std),
+        "mean_reward": moments(column["visits"], column["reward"], 0)[0],
+        "share_of_time_away": float(column["away"].sum() / max(column["periods"].sum(), 1)),
+        "simulated_minutes": hours * 60 / config.followers,
+    }

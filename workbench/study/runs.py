@@ -1,0 +1,384 @@
+"""Runs: learn, evaluate greedily, store, load and continue.
+
+A run is a folder: ``config.json`` (configuration, length, versions), ``weights.npz``, ``records.npz``, ``summary.json``
+(written last: a folder that has it is complete) and ``checkpoint.npz``. A run that is killed at any moment continues
+from its last checkpoint and ends with the same bytes as one that never stopped. Clocks stay out of the folder.
+
+>>> from workbench.formation.config import ConvoyConfig
+>>> run = learn(ConvoyConfig(followers=1, drive="planar"), steps=200, progress=False)
+>>> int(run.visits.sum()), run.summary["steps"]
+(200, 200)
+
+Contract: one seed gives the same run alone or in a batch of seeds, at any number of threads.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench import fields
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.convoy import Convoy
+from workbench.formation.policy import Policy
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.study.progress import Progress, report
+from workbench.study.records import Recorder, Records, summarise
+from workbench.study.storage import read_json, read_npz, remove_temporaries, write_json, write_npz
+
+SCHEMA = 1
+CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished run.
+
+    Attributes:
+        kind: "learn" or "evaluate".
+        config: what it ran with.
+        length: learning updates asked for ("learn") or control periods ("evaluate").
+        updates: learning updates done.
+        policy: the learned (or the followed) action values with their tiles and levels.
+        w: (tables, states, actions) secondary weights.
+        records: see ``workbench.study.records.Recorder.records``.
+    """
+
+    kind: str
+    config: ConvoyConfig
+    length: int
+    updates: int
+    policy: Policy
+    w: NDArray[np.float64]
+    records: Records
+
+    @property
+    def visits(self) -> NDArray[np.int64]:
+        """Visits of every state, (followers, distance tiles, bearing tiles)."""
+        total: NDArray[np.int64] = self.records["visits"].sum(axis=0, dtype=np.int64)
+        return total.reshape(-1, *self.config.state_tiles)
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The numbers of the run as plain values, see ``workbench.study.records.summarise``."""
+        return summarise(self.config, self.length, self.updates, self.records)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Store the run in a folder.
+
+        Raises:
+            FileExistsError: the folder has something in it and overwrite is False.
+        """
+        folder = Path(path)
+        if not overwrite:
+            _refuse_existing(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(folder / "config.json", _header(self.kind, self.config, self.length))
+        _store(self, folder)
+
+
+def learn(
+    config: ConvoyConfig,
+    *,
+    steps: int,
+    policy: Policy | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = True,
+    checkpoint_s: float = CHECKPOINT_S,
+) -> Run:
+    """Let the followers of one formation learn online.
+
+    Args:
+        config: robots, track, task, learner and seed.
+        steps: learning updates, summed over the followers.
+        policy: action values to start from; default: all θ₀.
+        out: folder of the run; checkpoints are kept there.
+        resume: continue an interrupted run in ``out``, or load it if it is complete.
+        progress: True for a bar, or a function called with the updates just done.
+        checkpoint_s: wall-clock seconds between checkpoints, 0 for one per block.
+
+    Raises:
+        FileExistsError: ``out`` has something in it and resume is False.
+        FloatingPointError: learning diverged.
+        OSError: a checkpoint could not be written; the last good one is kept.
+    """
+    folders = [Path(out)] if out is not None else None
+    batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policy, folders)
+    return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
+
+
+def learn_seeds(
+    config: ConvoyConfig,
+    seeds: Sequence[int],
+    *,
+    steps: int,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = True,
+    checkpoint_s: float = CHECKPOINT_S,
+    threads: int = 0,
+) -> list[Run]:
+    """Learn with several seeds as one batch of formations; arguments as ``learn``, each run in ``out``/seed-N."""
+    folders = [Path(out) / f"seed-{seed}" for seed in seeds] if out is not None else None
+    batch = _Batch("learn", config, tuple(seeds), _positive("steps", steps), None, folders, threads)
+    return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)
+
+
+def evaluate(
+    policy: Policy, config: ConvoyConfig, *, minutes: float = 30.0, out: str | Path | None = None, progress: Progress = True
+) -> Run:
+    """Let all followers exploit a policy greedily, without learning, for a simulated time.
+
+    Raises:
+        ValueError: the policy's tiles or actions are not the configuration's.
+    """
+    return evaluate_seeds([policy], config, [config.seed], minutes=minutes, out=out, progress=progress)[0]
+
+
+def evaluate_seeds(
+    policies: Sequence[Policy],
+    config: ConvoyConfig,
+    seeds: Sequence[int],
+    *,
+    minutes: float = 30.0,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = True,
+    threads: int = 0,
+) -> list[Run]:
+    """Evaluate policies[k] greedily with seeds[k], as one batch of formations; arguments as ``evaluate``.
+
+    Raises:
+        ValueError: a policy does not fit the configuration, or the numbers of policies and seeds differ.
+    """
+    if len(policies) != len(seeds):
+        raise ValueError(f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed")
+    for policy in policies:
+        policy.check(config)
+    if not 0 < minutes <= 1e6:
+        raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
+    periods = round(minutes * 60 / CONTROL_PERIOD)
+    single = len(seeds) == 1 and not resume
+    folder = Path(out) if out is not None else None
+    folders = None
+    if folder is not None:
+        folders = [folder] if single else [folder / f"seed-{seed}" for seed in seeds]
+    batch = _Batch("evaluate", config, tuple(seeds), _positive("periods", periods), policies, folders, threads)
+    return batch.run(folder, resume, progress, CHECKPOINT_S)
+
+
+def load_run(path: str | Path) -> Run:
+    """Load a complete run.
+
+    Raises:
+        FileNotFoundError: no run there, or an interrupted one.
+        ValueError: a file is damaged or of another schema.
+    """
+    folder = Path(path)
+    if not (folder / "config.json").is_file():
+        raise FileNotFoundError(f"{folder} holds no run: config.json is missing")
+    if not (folder / "summary.json").is_file():
+        raise FileNotFoundError(f"{folder} is not complete; continue it with resume=True, or --resume on the command line")
+    header = _read_header(folder)
+    weights = read_npz(folder / "weights.npz")
+    return Run(
+        kind=header["kind"],
+        config=fields.from_dict(ConvoyConfig, header["config"]),
+        length=header["length"],
+        updates=int(weights["updates"]),
+        policy=Policy.from_arrays(weights),
+        w=weights["w"],
+        records=read_npz(folder / "records.npz"),
+    )
+
+
+def stored_request(path: str | Path) -> tuple[ConvoyConfig, int]:
+    """Return configuration and length of a run folder, complete or not."""
+    header = _read_header(Path(path))
+    return fields.from_dict(ConvoyConfig, header["config"]), int(header["length"])
+
+
+class _Batch:
+    """One batch of formations on its way from a request to stored runs."""
+
+    def __init__(
+        self,
+        kind: str,
+        config: ConvoyConfig,
+        seeds: tuple[int, ...],
+        length: int,
+        policy: Policy | Sequence[Policy] | None,
+        folders: list[Path] | None,
+        threads: int = 0,
+    ) -> None:
+        self.kind, self.length, self.folders, self.threads = kind, length, folders, threads
+        self.config, self.seeds = config, seeds
+        self.configs = [config.with_seed(seed) for seed in seeds]
+        self.policies = policy
+        if isinstance(policy, Policy):
+            policy.check(config)
+
+    def run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
+        if self.folders is not None and folder is not None:
+            if resume and all((place / "summary.json").is_file() for place in self.folders):
+                self._check_request()
+                return [load_run(place) for place in self.folders]
+            self._prepare(folder, resume)
+        convoy = self._convoy()
+        recorders = [Recorder(config, self.length) for config in self.configs]
+        checkpoint = folder / "checkpoint.npz" if folder is not None else None
+        if resume and checkpoint is not None and checkpoint.is_file():
+            _load_checkpoint(checkpoint, convoy, recorders)
+        done = int(self._done(convoy).sum())
+        with report(progress, self.length * len(self.seeds), self.kind, done, " updates" if self.kind == "learn" else " periods") as tell:
+            self._loop(convoy, recorders, checkpoint, checkpoint_s, tell)
+        runs = self._results(convoy, recorders)
+        if self.folders is not None:
+            for run, place in zip(runs, self.folders, strict=True):
+                _store(run, place)
+        return runs
+
+    def _loop(self, convoy: Convoy, recorders: list[Recorder], checkpoint: Path | None, checkpoint_s: float, tell: Any) -> None:
+        saved = time.monotonic()
+        while not convoy.finished:
+            before = self._done(convoy).copy()
+            block = convoy.run_block()
+            for b, recorder in enumerate(recorders):
+                if np.any(block[b]["phase"][:, 0] >= 0):
+                    recorder.add(block[b], int(before[b]))
+            tell(int((self._done(convoy) - before).sum()))
+            due = time.monotonic() - saved >= checkpoint_s or convoy.finished
+            if checkpoint is not None and due:
+                _save_checkpoint(checkpoint, convoy, recorders)
+                saved = time.monotonic()
+
+    def _done(self, convoy: Convoy) -> NDArray[np.int64]:
+        return convoy.updates if self.kind == "learn" else convoy.periods
+
+    def _convoy(self) -> Convoy:
+        learning = self.kind == "learn"
+        given = None
+        if isinstance(self.policies, Policy):
+            given = self.policies.theta
+        elif self.policies is not None:
+            given = np.stack([policy.theta for policy in self.policies])
+        return Convoy(
+            self.config, self.seeds, steps=self.length if learning else 0, periods=None if learning else self.length,
+            policy=given, threads=self.threads,
+        )  # fmt: skip
+
+    def _results(self, convoy: Convoy, recorders: list[Recorder]) -> list[Run]:
+        runs = []
+        for b, config in enumerate(self.configs):
+            theta, w = convoy.tables(b)
+            updates = int(convoy.updates[b])
+            if self.kind == "learn" and updates < self.length:
+                raise RuntimeError(
+                    f"seed {config.seed}: only {updates} of {self.length} learning updates in {int(convoy.periods[b])} control "
+                    "periods; the followers were lost most of the time, see records for when"
+                )
+            policy = Policy.of(config, theta)
+            runs.append(Run(self.kind, config, self.length, updates, policy, w, recorders[b].records()))
+        return runs
+
+    def _prepare(self, folder: Path, resume: bool) -> None:
+        assert self.folders is not None
+        if resume:
+            self._check_request()
+        else:
+            _refuse_existing(folder)
+        for config, place in zip(self.configs, self.folders, strict=True):
+            place.mkdir(parents=True, exist_ok=True)
+            remove_temporaries(place)
+            if not (place / "config.json").is_file():
+                write_json(place / "config.json", _header(self.kind, config, self.length))
+        remove_temporaries(folder)
+
+    def _check_request(self) -> None:
+        """Refuse to continue a folder that was started with another request."""
+        assert self.folders is not None
+        for config, place in zip(self.configs, self.folders, strict=True):
+            if not (place / "config.json").is_file():
+                continue
+            header = _read_header(place)
+            wanted = _header(self.kind, config, self.length)
+            different = [key for key in ("kind", "length", "config") if header[key] != _plain_json(wanted[key])]
+            if different:
+                key = different[0]
+                raise ValueError(
+                    f"{place} was started with {key} = {header[key]!r}, this run asks for {wanted[key]!r}; "
+                    "continue with the same request, or choose another folder"
+                )
+
+
+def _save_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder]) -> None:
+    arrays: dict[str, NDArray[Any]] = {f"convoy.{name}": array for name, array in convoy.state().items()}
+    for b, recorder in enumerate(recorders):
+        arrays |= {f"recorder{b}.{name}": array for name, array in recorder.records().items()}
+    try:
+        write_npz(path, arrays)
+    except OSError as error:
+        kept = "the last good checkpoint is kept there" if path.is_file() else "there is no earlier checkpoint"
+        raise OSError(
+            f"could not write {path} at update {int(convoy.updates.sum())}: {error}; {kept}. Make room, then continue with resume"
+        ) from error
+
+
+def _load_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder]) -> None:
+    arrays = read_npz(path)
+
+    def under(prefix: str) -> dict[str, NDArray[Any]]:
+        return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+
+    convoy.load(under("convoy."))
+    for b, recorder in enumerate(recorders):
+        recorder.load(under(f"recorder{b}."))
+
+
+def _store(run: Run, folder: Path) -> None:
+    extra = {"w": run.w, "updates": np.array(run.updates)}
+    write_npz(folder / "weights.npz", run.policy.arrays() | extra)
+    write_npz(folder / "records.npz", run.records)
+    write_json(folder / "summary.json", run.summary)
+
+
+def _header(kind: str, config: ConvoyConfig, length: int) -> dict[str, Any]:
+    versions = {name: version(name) for name in ("workbench", "mujoco", "numba", "numpy")}
+    return {
+        "schema": SCHEMA, "kind": kind, "length": length, "unit": "updates" if kind == "learn" else "control periods",
+        "config": fields.to_dict(config), "versions": versions,
+    }  # fmt: skip
+
+
+def _read_header(folder: Path) -> dict[str, Any]:
+    header = read_json(folder / "config.json")
+    if not isinstance(header, dict) or header.get("schema") != SCHEMA:
+        raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}; it was written by another version")
+    return header
+
+
+def _plain_json(value: Any) -> Any:
+    """Return a value as it comes back from JSON."""
+    if isinstance(value, dict):
+        return {key: _plain_json(entry) for key, entry in value.items()}
+    if isinstance(value, tuple):
+        return [_plain_json(entry) for entry in value]
+    return value
+
+
+def _refuse_existing(folder: Path) -> None:
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FileExistsError(f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it")
+
+
+def _positive(name: str, number: int) -> int:
+    if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 1:
+        raise ValueError(f"{name} = {number!r}; expected a whole number, at least 1")
+    return int(number)
