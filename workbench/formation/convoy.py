@@ -26,7 +26,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from workbench.arena.floor import floor_darkness
-from workbench.arena.tracks import make_track
+from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World, read_pose, write_command
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.errors import observe
@@ -160,9 +160,7 @@ class Convoy:
         self.config, self.seeds = config, tuple(seeds)
         count, n = len(seeds), config.followers
         self._rngs = [_children(seed) for seed in seeds]
-        tracks = [
-            make_track(config.track, rng["track"], convoy_length_m=n * config.middle_m) for rng in self._rngs
-        ]
+        tracks = [_track(config, rng["track"]) for rng in self._rngs]
         self.world = World(
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
             line_width_m=config.track.line_width_m, threads=threads,
@@ -317,6 +315,21 @@ class Convoy:
         weights = np.zeros((count, given.shape[1], 2, pairs))
         weights[:, :, 0] = given.reshape(count, given.shape[1], pairs)
         return weights
+
+
+def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
+    """Return a world of one formation on its own track, with the robots where one row of step records (STEP) has them."""
+    track = _track(config, _children(config.seed)["track"])
+    world = World(
+        config.followers, [track], drive=config.drive, spacing_m=config.middle_m, line_width_m=config.track.line_width_m
+    )
+    for robot, pose in enumerate(poses):
+        world.place(0, robot, float(pose["x"]), float(pose["y"]), float(pose["heading"]))
+    return world
+
+
+def _track(config: ConvoyConfig, rng: np.random.Generator) -> Track:
+    return make_track(config.track, rng, convoy_length_m=config.followers * config.middle_m)
 
 
 def _children(seed: int) -> dict[str, np.random.Generator]:

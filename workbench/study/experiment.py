@@ -2,7 +2,7 @@
 
 * "wheels": 1.3 million updates, four followers, each learning its own weights, 9×9 states, 7×7 actions; seeds 1 to 3;
 * "planar": the same on the planar drive; seeds 1 to 10;
-* "greedy": the policies of the wheels runs, frozen, 30 simulated minutes each on ten evaluation seeds;
+* "greedy": the policies of the wheels runs, frozen, on ten evaluation seeds of 30 simulated minutes, taking turns;
 * "shift/TRACK/REWARD": what moves the visits sideways (E3): a circle in both directions and a figure-eight, under three
   rewards, 100 000 updates on the planar drive; seeds 1 to 10.
 
@@ -48,7 +48,7 @@ class Job:
     seeds: tuple[int, ...]
     steps: int = 0
     minutes: float = 0.0
-    policies: str = ""  # name of the job whose one policy all seeds follow
+    policies: tuple[str, ...] = ()  # jobs of one run each, whose policies the seeds follow in turn
 
     @property
     def units(self) -> int:
@@ -75,9 +75,9 @@ def paper_jobs(*, quick: bool) -> list[Job]:
         for reward in SHIFT_REWARDS:
             config = replace(planar, track=layout, reward=reward)
             jobs.append(Job(f"shift/{track}/{reward}", config, seeds, shift_steps))
-    for seed in (1, 2, 3):
-        judged = tuple(100 + k for k in range(1, 11)) if full else (101,)
-        jobs.append(Job(f"greedy/{seed}", base, judged, minutes=minutes, policies=f"wheels/{seed}"))
+    judged = tuple(range(101, 111)) if full else (101, 102)
+    wheels = tuple(job.name for job in jobs if job.name.startswith("wheels/"))
+    jobs.append(Job("greedy", base, judged, minutes=minutes, policies=wheels))
     return jobs
 
 
@@ -98,7 +98,7 @@ def fingerprint(jobs: list[Job]) -> str:
     """Return a short hash of everything that the runs depend on: requests, sources and versions."""
     digest = hashlib.sha256()
     for job in jobs:
-        digest.update(json.dumps([job.name, fields.to_dict(job.config), job.seeds, job.steps, job.minutes]).encode())
+        digest.update(json.dumps([job.name, fields.to_dict(job.config), job.seeds, job.steps, job.minutes, job.policies]).encode())
     package = paths.ROOT / "workbench"
     for source in _SOURCES:
         files = sorted((package / source).glob("*.py")) if (package / source).is_dir() else [package / source]
@@ -148,13 +148,13 @@ def _run_missing(missing: list[Job], folder: Path, workers: int) -> None:
                 _drain(ticks, tell)
 
 
-def _learned(folder: Path, job: Job) -> Path:
-    """Return the run whose policy an evaluation follows: the job "wheels/2" has the one seed 2."""
-    return folder / job.policies.replace("/", "-") / f"seed-{job.policies.rsplit('/', 1)[1]}"
+def _learned(folder: Path, job: Job) -> list[Path]:
+    """Return the runs whose policies an evaluation follows: the job "wheels/2" has the one seed 2."""
+    return [folder / name.replace("/", "-") / f"seed-{name.rsplit('/', 1)[1]}" for name in job.policies]
 
 
 def _ready(folder: Path, job: Job) -> bool:
-    return not job.policies or (_learned(folder, job) / "summary.json").is_file()
+    return all((place / "summary.json").is_file() for place in _learned(folder, job))
 
 
 def _drain(ticks: Any, tell: Callable[[int], None]) -> None:
@@ -175,5 +175,6 @@ def _run_job(job: Job, folder: Path, ticks: Any) -> None:
     if job.steps:
         learn_seeds(job.config, job.seeds, steps=job.steps, out=place, resume=True, progress=tell, threads=1)
         return
-    policies = [load_run(_learned(folder, job)).policy] * len(job.seeds)
+    learned = [load_run(run).policy for run in _learned(folder, job)]
+    policies = [learned[k % len(learned)] for k in range(len(job.seeds))]
     evaluate_seeds(policies, job.config, job.seeds, minutes=job.minutes, out=place, resume=True, progress=tell, threads=1)

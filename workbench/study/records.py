@@ -19,7 +19,7 @@ from workbench.formation.reset import FOLLOW, LOST
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.statistics import best_block, best_cell, moments
 
-SAMPLED = (0.0, 0.01, 0.1, 0.5)  # parts of the run after which a whole block is kept; the last block is kept too
+SAMPLED = (0.0, 0.01, 0.1, 0.5)  # parts of the run after which a whole block is kept; the last whole one is kept too
 SUMS = (
     "visits", "distance", "distance2", "bearing", "bearing2", "reward",
     "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost",
@@ -66,7 +66,8 @@ class Recorder:
         if due:
             self._samples.append(block.copy())
             self._sample_starts.append(start)
-        self._last, self._last_start = block.copy(), start
+        if len(block) >= len(self._last):  # a run's very last block may be short
+            self._last, self._last_start = block.copy(), start
         self._starts.append(start)
 
     def records(self) -> Records:
@@ -77,7 +78,7 @@ class Recorder:
             sums: (K, followers, len(SUMS)) see SUMS: visits, sums of errors and their squares (m, rad) and of rewards,
                 event counts, control periods in all, away from following, and lost among them.
             visits: (K, followers, states).
-            samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last block at the end.
+            samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last whole block at the end.
             sample_lengths, sample_starts: (M,) periods of each sampled block, updates (periods) before it.
         """
         n = self.config.followers

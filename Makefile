@@ -1,0 +1,32 @@
+# Everything sets itself up in .venv; nothing but Python (3.11 to 3.13) and make is needed.
+#   make figures   the experiment, every notebook, figures/        make test   all checks
+#   make lab       JupyterLab on the notebooks                     make clean  remove .venv and cached runs
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+
+.PHONY: figures check-figures test lab clean
+
+figures: $(READY)
+	$(BIN)/python -m workbench figures
+
+check-figures: $(READY)
+	$(BIN)/python -m workbench figures --check
+
+test: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy workbench
+	$(BIN)/python -W error -m pytest
+
+lab: $(READY)
+	$(BIN)/jupyter lab --notebook-dir=notebooks
+
+$(READY): environment.txt pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r environment.txt
+	touch $(READY)
+
+clean:
+	rm -rf .venv runs

@@ -1,0 +1,148 @@
+"""The command line: ``python -m workbench VERB``. Thin: it reads flags, calls the package and prints.
+
+The last line of every verb is one JSON object.
+"""
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import fields as dataclass_fields
+from dataclasses import is_dataclass
+from typing import Any
+
+from workbench import fields
+from workbench.arena.tracks import TrackConfig
+from workbench.formation.config import ConvoyConfig
+from workbench.learning.config import LearnerConfig
+from workbench.study.storage import plain
+
+_UNITS = """Units: speeds in m/s or motor steps/s (1 step = 0.1288 mm), lengths in m (…_m), angles in rad (…_rad) or degrees
+(…_deg), errors in mm (…_mm), times in simulated minutes or wall-clock seconds (wall_s). STEPS are learning updates,
+summed over the followers. A share is a part of all visits; …_all_time has reset and lost time in the denominator.
+
+Fields for --set NAME=VALUE (dots for parts: --set learner.alpha=0.05 --set track.shape='"eight"'):
+"""
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m workbench", description="Formation control with Greedy-GQ(λ).")
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    parts = (("", ConvoyConfig), ("learner", LearnerConfig), ("track", TrackConfig))
+    epilog = _UNITS + "\n".join(f"{name and name + ':'}\n{fields.describe(cls)}" for name, cls in parts)
+    shape: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "epilog": epilog}
+
+    learn = verbs.add_parser("learn", help="let followers learn online; prints the run's summary", **shape)
+    learn.add_argument("--steps", type=int, help="learning updates, summed over the followers")
+    learn.add_argument("--followers", type=int, help="robots behind the leader")
+    learn.add_argument("--drive", help="wheels or planar")
+    learn.add_argument("--sensing", help="truth")
+    learn.add_argument("--seed", type=int, help="seed of everything random")
+    learn.add_argument("--out", required=True, help="folder of the run; must be new or empty, unless --resume")
+    learn.add_argument("--resume", action="store_true", help="continue the interrupted run in --out, or show a complete one")
+    learn.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="any field, value as JSON")
+
+    evaluate = verbs.add_parser("evaluate", help="follow a run's policy greedily, without learning", **shape)
+    evaluate.add_argument("run", help="folder of a complete run")
+    evaluate.add_argument("--minutes", type=float, default=30.0, help="simulated minutes (default 30)")
+    evaluate.add_argument("--drive", help="wheels or planar (default: the run's)")
+    evaluate.add_argument("--seed", type=int, help="evaluation seed (default: the run's)")
+    evaluate.add_argument("--out", help="store the evaluation in this folder")
+    evaluate.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="any field, value as JSON")
+
+    verbs.add_parser("bench", help="measure speed against bare MuJoCo, and memory")
+
+    figures = verbs.add_parser("figures", help="run the experiment and all notebooks; regenerate figures/")
+    figures.add_argument("--check", action="store_true", help="only tell what would change, and by how much")
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one verb; return the exit code: 0, 1 for what --check found, 2 for bad input."""
+    flags = _parser().parse_args(arguments)
+    begun = time.perf_counter()
+    code = 0
+    try:
+        if flags.verb == "learn":
+            result = _learn(flags)
+        elif flags.verb == "evaluate":
+            result = _evaluate(flags)
+        elif flags.verb == "bench":
+            from workbench.study.bench import bench
+
+            result = bench()
+        else:
+            result = _figures(flags)
+            code = 1 if flags.check and result["changed_files"] else 0
+    except (ValueError, TypeError, OSError, FloatingPointError, RuntimeError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    result["wall_s"] = round(time.perf_counter() - begun, 1)
+    print(json.dumps(plain(result), ensure_ascii=False))
+    return code
+
+
+def _learn(flags: argparse.Namespace) -> dict[str, Any]:
+    from workbench.study import runs
+
+    asked = {name: getattr(flags, name) for name in ("followers", "drive", "sensing", "seed")}
+    given = {name: value for name, value in asked.items() if value is not None}
+    values, steps = fields.to_dict(ConvoyConfig()), 1_300_000
+    if flags.resume:
+        try:
+            config, steps = runs.stored_request(flags.out)
+            values = fields.to_dict(config)
+        except FileNotFoundError:
+            pass  # killed before it began: begin
+    config = _configure(values, given, flags.set)
+    if flags.steps is not None:
+        steps = flags.steps
+    return dict(runs.learn(config, steps=steps, out=flags.out, resume=flags.resume).summary)
+
+
+def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
+    from workbench.study import runs
+
+    run = runs.load_run(flags.run)
+    asked = {"drive": flags.drive, "seed": flags.seed}
+    given = {name: value for name, value in asked.items() if value is not None}
+    config = _configure(fields.to_dict(run.config), given, flags.set)
+    return dict(runs.evaluate(run.policy, config, minutes=flags.minutes, out=flags.out).summary)
+
+
+def _figures(flags: argparse.Namespace) -> dict[str, Any]:
+    from workbench.study.regenerate import regenerate
+
+    files, numbers = regenerate(check=flags.check)
+    if len(numbers):
+        print("plotted numbers that differ:")
+        print(numbers.to_string(index=False, float_format=lambda number: f"{number:.3g}"))
+    else:
+        print("no plotted number differs from what was there before")
+    return {"changed_files": files, "numbers_that_differ": int(numbers["numbers"].sum())}
+
+
+def _configure(values: dict[str, Any], given: dict[str, Any], settings: list[str]) -> ConvoyConfig:
+    """Return a configuration from plain values, flags and NAME=VALUE settings, in this order."""
+    values = values | given
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals:
+            raise ValueError(f"--set {setting!r}; expected NAME=VALUE, for example learner.alpha=0.05")
+        try:
+            value = json.loads(text)
+        except ValueError:
+            value = text  # a bare word
+        place, *rest = name.split(".")
+        nested = {field.name for field in dataclass_fields(ConvoyConfig) if is_dataclass(field.default)}
+        if rest and place not in nested:
+            raise TypeError(f"--set {name}: {place!r} has no parts; parts with fields of their own: {', '.join(sorted(nested))}")
+        if rest:
+            values[place] = values[place] | {".".join(rest): value}
+        else:
+            values[place] = value
+    return fields.from_dict(ConvoyConfig, values)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

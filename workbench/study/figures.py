@@ -1,0 +1,142 @@
+"""Published figures: one writer, a manifest, and a check against what is there.
+
+``save_figure`` writes a picture (PNG, SVG), the plotted numbers beside it (CSV) and a row in ``figures/manifest.json``:
+inputs, seeds, versions, mode, and the sha256 of every file. There are no clocks in any of them: drawing the same numbers
+again changes no byte. In quick mode (WORKBENCH_QUICK=1) nothing is written.
+
+``regenerate`` runs the experiment and all notebooks; ``compare_numbers`` tells which plotted numbers differ and by how
+much, for machines whose arithmetic differs in the last digits.
+"""
+
+import hashlib
+import io
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from workbench import fields, paths
+from workbench.study.runs import Run
+from workbench.study.storage import read_json, write_json
+
+MANIFEST = "manifest.json"
+_VERSIONS = ("workbench", "matplotlib", "mujoco", "numba", "numpy", "pandas", "scipy")
+
+
+def save_figure(
+    fig: Figure,
+    name: str,
+    *,
+    numbers: pd.DataFrame | Mapping[str, Any],
+    sources: Sequence[Run] = (),
+    svg: bool = True,
+    folder: Path | None = None,
+) -> list[Path]:
+    """Write a figure, its numbers and its row in the manifest; does nothing in quick mode.
+
+    Args:
+        fig: the figure.
+        name: file name without ending, e.g. "fig4_visit_map_wheels".
+        numbers: what is plotted, as a tidy table (or columns of one).
+        sources: the runs that the numbers come from.
+        svg: also write a vector picture (not for photographs of the arena).
+        folder: default figures/.
+
+    Returns:
+        The files written; empty in quick mode.
+
+    Raises:
+        ValueError: the name is not a plain file name.
+    """
+    if not name or not all(letter.isalnum() or letter in "_-" for letter in name):
+        raise ValueError(f"name = {name!r}; expected letters, digits, _ and - only: it becomes a file name")
+    if paths.QUICK:
+        return []
+    target = folder or paths.FIGURES
+    target.mkdir(parents=True, exist_ok=True)
+    contents: dict[str, bytes] = {f"{name}.png": _draw(fig, "png")}
+    if svg:
+        contents[f"{name}.svg"] = _draw(fig, "svg")
+    table = numbers if isinstance(numbers, pd.DataFrame) else pd.DataFrame(dict(numbers))
+    contents[f"{name}.csv"] = table.to_csv(index=False, float_format="%.10g", lineterminator="\n").encode()
+    for file, content in contents.items():
+        (target / file).write_bytes(content)
+    manifest = read_json(target / MANIFEST) if (target / MANIFEST).is_file() else {}
+    manifest[name] = {
+        "files": {file: hashlib.sha256(content).hexdigest() for file, content in contents.items()},
+        "sources": [_describe(group) for group in _alike(sources)],
+        "versions": {package: version(package) for package in _VERSIONS},
+        "mode": "full",
+    }
+    write_json(target / MANIFEST, dict(sorted(manifest.items())))
+    return [target / file for file in contents]
+
+
+def numbers_in(folder: Path) -> dict[str, pd.DataFrame]:
+    """Return the plotted numbers of every figure in a folder, by file name."""
+    return {path.name: pd.read_csv(path) for path in sorted(folder.glob("*.csv"))}
+
+
+def compare_numbers(before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return which plotted numbers differ: file, column, how many, the largest difference and what it is relative to.
+
+    A file or column that only one side has, or that changed its length or its words, is listed with difference NaN.
+    """
+    rows = []
+    for name in sorted(set(before) | set(after)):
+        if name not in before or name not in after:
+            rows.append((name, "(whole file)", 0, np.nan, np.nan, "only before" if name in before else "only now"))
+            continue
+        old, new = before[name], after[name]
+        for column in sorted(set(old.columns) | set(new.columns)):
+            if column not in old or column not in new or len(old) != len(new):
+                rows.append((name, column, abs(len(old) - len(new)), np.nan, np.nan, "columns or rows differ"))
+                continue
+            numeric = pd.api.types.is_numeric_dtype(old[column]) and pd.api.types.is_numeric_dtype(new[column])
+            if numeric:
+                a, b = old[column].to_numpy(float), new[column].to_numpy(float)
+                differs = ~((a == b) | (np.isnan(a) & np.isnan(b)))
+                if differs.any():
+                    gap = np.abs(a - b)[differs]
+                    scale = np.maximum(np.abs(a), np.abs(b))[differs]
+                    largest = int(np.argmax(gap))
+                    rows.append((name, column, int(differs.sum()), gap[largest], gap[largest] / scale[largest], ""))
+            elif not old[column].equals(new[column]):
+                rows.append((name, column, int((old[column].astype(str) != new[column].astype(str)).sum()), np.nan, np.nan, "words differ"))
+    return pd.DataFrame(rows, columns=["file", "column", "numbers", "largest_difference", "relative", "note"])
+
+
+def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> list[str]:
+    """Return the names whose bytes differ, or that only one side has."""
+    return sorted(name for name in set(before) | set(after) if before.get(name) != after.get(name))
+
+
+def _draw(fig: Figure, kind: str) -> bytes:
+    buffer = io.BytesIO()
+    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
+    fig.savefig(buffer, format=kind, metadata=metadata)
+    return buffer.getvalue()
+
+
+def _alike(runs: Sequence[Run]) -> list[list[Run]]:
+    """Group runs that differ in their seed only."""
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        key = repr((run.kind, run.length, run.config.with_seed(0)))
+        groups.setdefault(key, []).append(run)
+    return list(groups.values())
+
+
+def _describe(runs: list[Run]) -> dict[str, Any]:
+    run = runs[0]
+    config = fields.to_dict(run.config)
+    del config["seed"]
+    weights = hashlib.sha256(b"".join(run.policy.theta.tobytes() for run in runs)).hexdigest()
+    return {
+        "kind": run.kind, "length": run.length, "seeds": [run.config.seed for run in runs], "config": config,
+        "weights_sha256": weights,
+    }  # fmt: skip

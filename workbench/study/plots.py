@@ -1,0 +1,195 @@
+"""Plots of runs: visit map, learning curve, policy and value maps, trails. Statistics are computed elsewhere.
+
+Every function takes data and ``ax=None``, draws and returns the Axes; it never shows, saves or computes statistics. In
+maps the follower looks up the page: right of the zero line is right of the robot, so that bearing falls to the right.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.patches import Rectangle
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.policy import Policy
+from workbench.robot.motors import twist
+from workbench.study.style import CYCLE, MARKERS, NEVER, new_axes
+
+Floats = NDArray[np.float64]
+
+
+def _edges(config: ConvoyConfig) -> tuple[Floats, Floats]:
+    """Return the tile borders in mm of distance between centres and in degrees of bearing."""
+    distance, bearing = config.grid().tilings
+    return 1000 * (distance.edges + config.middle_m), np.degrees(bearing.edges)
+
+
+def _tile_axes(ax: Axes, config: ConvoyConfig) -> None:
+    distance, bearing = _edges(config)
+    ax.set_xlim(bearing[-1], bearing[0])
+    ax.set_ylim(distance[0], distance[-1])
+    ax.set_xticks(np.round(np.linspace(-45, 45, 7)) if abs(bearing[0] + 45) < 1e-9 else np.linspace(bearing[0], bearing[-1], 5))
+    ax.set_xlabel("bearing of the predecessor in degrees (left + | right −)")
+    ax.set_ylabel("distance between centres in mm")
+    ax.spines[["top", "right"]].set_visible(True)
+
+
+def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: Axes | None = None) -> Axes:
+    """Draw the shares of visits per state on a log colour scale, like Fig. 4 of the paper, in mm and degrees.
+
+    Args:
+        visits: (distance tiles, bearing tiles) counts.
+        config: whose tiles they are.
+        label: what was counted, written above the map.
+    """
+    ax = ax or new_axes(6.4, 4.9)
+    counts = np.asarray(visits, dtype=np.float64)
+    share = counts / max(counts.sum(), 1)
+    distance, bearing = _edges(config)
+    ax.set_facecolor(NEVER)
+    norm = LogNorm(1e-7, 1.0)
+    mesh = ax.pcolormesh(
+        bearing, distance, np.ma.masked_equal(share, 0), cmap="cividis", norm=norm, edgecolors="white", linewidth=0.6
+    )
+    for i, row in enumerate(share):
+        for j, value in enumerate(row):
+            if value > 0:
+                dark = norm(value) < 0.6
+                ax.text(
+                    (bearing[j] + bearing[j + 1]) / 2, (distance[i] + distance[i + 1]) / 2, _percent(value), ha="center",
+                    va="center", fontsize=6.5, color="white" if dark else "black",
+                )  # fmt: skip
+    bar = ax.figure.colorbar(mesh, ax=ax, label="share of visits (log scale; grey: never)")
+    bar.set_ticks([10.0**k for k in range(-7, 1)], labels=["0.00001 %", "0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
+    bar.ax.minorticks_off()
+    _tile_axes(ax, config)
+    ax.set_title(label, loc="left", fontsize=8.5)
+    return ax
+
+
+def frame_block(ax: Axes, config: ConvoyConfig, place: Sequence[int], size: int, label: str, colour: str = "#D55E00") -> None:
+    """Frame a size × size block of tiles that starts at (row, column), and name it in the legend."""
+    distance, bearing = _edges(config)
+    row, column = place
+    rows, columns = min(row + size, len(distance) - 1), min(column + size, len(bearing) - 1)
+    corner = (bearing[column], distance[row])
+    ax.add_patch(
+        Rectangle(
+            corner, bearing[columns] - bearing[column], distance[rows] - distance[row], fill=False, edgecolor=colour,
+            linewidth=2.2 if size > 1 else 1.4, linestyle="-" if size > 1 else "--", label=label, zorder=5,
+        )  # fmt: skip
+    )
+
+
+def learning_curves(
+    curves: Mapping[str, tuple[ArrayLike, ArrayLike]], *, ylabel: str, ax: Axes | None = None, log: bool = False
+) -> Axes:
+    """Draw one quantity against learning updates: each run thin, the median of a condition thick.
+
+    Args:
+        curves: condition → (updates (K,), values (runs, K)).
+        ylabel: quantity and unit.
+        log: logarithmic value axis.
+    """
+    ax = ax or new_axes(6.0, 3.6)
+    for number, (name, (updates, values)) in enumerate(curves.items()):
+        rows = np.atleast_2d(np.asarray(values, dtype=np.float64))
+        x = np.asarray(updates, dtype=np.float64) / 1e6
+        for row in rows:
+            ax.plot(x, row, color=CYCLE[number], linewidth=0.5, alpha=0.35)
+        ax.plot(
+            x, np.median(rows, axis=0), color=CYCLE[number], marker=MARKERS[number], markevery=max(len(x) // 8, 1),
+            markersize=4, label=f"{name} (n = {len(rows)} seeds; thick: median, thin: each seed)",
+        )  # fmt: skip
+    if log:
+        ax.set_yscale("log")
+    ax.set_xlabel("learning updates of all followers together, millions")
+    ax.set_ylabel(ylabel)
+    ax.legend()
+    return ax
+
+
+def value_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw the learned value of every state under the greedy policy, max over actions of θ."""
+    ax = ax or new_axes(5.6, 4.4)
+    distance, bearing = _edges(config)
+    values = policy.theta[table].max(axis=1).reshape(config.state_tiles)
+    mesh = ax.pcolormesh(bearing, distance, values, cmap="viridis", edgecolors="white", linewidth=0.4)
+    ax.figure.colorbar(mesh, ax=ax, label="value of the state, max over actions of θ")
+    _tile_axes(ax, config)
+    return ax
+
+
+def policy_map(
+    policy: Policy, config: ConvoyConfig, *, table: int = 0, visited: ArrayLike | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw the greedy action of every state: colour is forward speed, the arrow leans to the side it turns to.
+
+    Args:
+        visited: (distance tiles, bearing tiles) counts; states never visited are left grey.
+    """
+    ax = ax or new_axes(5.6, 4.4)
+    distance, bearing = _edges(config)
+    greedy = policy.greedy()[table]
+    left, right = (levels[part] for levels, part in zip((policy.left_steps, policy.right_steps), divmod(greedy, len(policy.right_steps)), strict=True))
+    speed, turn = np.array([twist(float(a), float(b)) for a, b in zip(left, right, strict=True)]).T
+    seen = np.ones(config.state_tiles, bool) if visited is None else np.asarray(visited) > 0
+    ax.set_facecolor(NEVER)
+    shown = np.ma.masked_where(~seen, 1000 * speed.reshape(config.state_tiles))
+    span = 1000 * np.array(config.wheel_speed_mps)
+    mesh = ax.pcolormesh(bearing, distance, shown, cmap="viridis", norm=Normalize(*span), edgecolors="white", linewidth=0.4)
+    x, y = np.meshgrid((bearing[:-1] + bearing[1:]) / 2, (distance[:-1] + distance[1:]) / 2)
+    lean = np.clip(turn / 1.2, -1, 1).reshape(config.state_tiles) * math.pi / 2
+    at = seen
+    ax.quiver(
+        x[at], y[at], -np.sin(lean)[at], np.cos(lean)[at], pivot="mid", angles="uv", scale=14, width=0.006, color="white"
+    )
+    ax.figure.colorbar(mesh, ax=ax, label="greedy forward speed in mm/s")
+    _tile_axes(ax, config)
+    return ax
+
+
+def trails(
+    samples: NDArray[np.void], *, line: ArrayLike | None = None, names: Sequence[str] | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw the driven paths of all robots.
+
+    Args:
+        samples: (periods, robots) of STEP, as sampled blocks are.
+        line: (P, 2) the line on the floor, m.
+        names: one name per robot.
+    """
+    ax = ax or new_axes(5.2, 5.0)
+    if line is not None:
+        points = np.asarray(line)
+        ax.plot(*np.vstack([points, points[:1]]).T, color="#bbbbbb", linewidth=4, label="line on the floor", zorder=0)
+    for robot in range(samples.shape[1]):
+        name = names[robot] if names else ("leader" if robot == 0 else f"follower {robot}")
+        path = samples[:, robot]
+        ax.plot(path["x"], path["y"], color=CYCLE[robot % len(CYCLE)], linewidth=1.1, label=name)
+        ax.plot(path["x"][-1], path["y"][-1], MARKERS[robot % len(MARKERS)], color=CYCLE[robot % len(CYCLE)], markersize=5)
+    ax.set_aspect("equal")
+    ax.set_xlabel("x in m")
+    ax.set_ylabel("y in m")
+    ax.legend(loc="center", fontsize=7.5)
+    return ax
+
+
+def arena_picture(pixels: NDArray[np.uint8], *, ax: Axes | None = None) -> Axes:
+    """Show a picture from ``workbench.arena.picture``."""
+    ax = ax or new_axes(6.4, 6.4 * pixels.shape[0] / pixels.shape[1])
+    ax.imshow(pixels, interpolation="none")
+    ax.set_axis_off()
+    return ax
+
+
+def _percent(share: float) -> str:
+    percent = 100 * share
+    if percent >= 0.1:
+        return f"{percent:.1f}"
+    if percent >= 0.001:
+        return f"{percent:.3f}"
+    return f"{percent:.0e}".replace("e-0", "e-")

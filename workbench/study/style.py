@@ -1,0 +1,42 @@
+"""The look of all figures: one rc context, colours and small helpers.
+
+Colour-blind safe cycle (Okabe and Ito), repeated by markers; cividis and a log scale for counts; zero visits in a distinct
+light grey.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+NEVER = "#e8e8e8"  # cells without a visit
+INK = "#333333"
+
+RC = {
+    "figure.dpi": 110, "savefig.dpi": 160, "figure.constrained_layout.use": True, "figure.facecolor": "white",
+    "font.size": 9.5, "axes.labelsize": 9.5, "axes.titlesize": 10, "legend.fontsize": 8.5,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": INK, "axes.labelcolor": INK,
+    "xtick.color": INK, "ytick.color": INK, "text.color": INK, "legend.frameon": False, "lines.linewidth": 1.6,
+    "axes.prop_cycle": mpl.cycler(color=CYCLE), "image.cmap": "cividis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
+}  # fmt: skip
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw with the project's look inside a ``with`` block."""
+    with mpl.rc_context(RC):
+        yield
+
+
+def new_axes(width_in: float = 5.0, height_in: float = 4.0) -> Axes:
+    """Return the axes of a new figure that belongs to no window."""
+    return Figure(figsize=(width_in, height_in), layout="constrained").add_subplot()
+
+
+def note(ax: Axes, text: str) -> None:
+    """Write n and what a band means under the axes' title line, small."""
+    ax.set_title(text, loc="left", fontsize=8, color="#555555")
