@@ -5,7 +5,7 @@ documentation all follow from the declaration.
 
 >>> @configuration
 ... class Wheel:
-...     radius_m: float = real(0.02, 0.001, 0.1, "m", "radius of the wheel")
+...     radius_m: float = real(0.001, 0.1, "m", "radius of the wheel", default=0.02)
 >>> Wheel(radius_m=0.5)
 Traceback (most recent call last):
     ...
@@ -47,19 +47,19 @@ def _number(value: object, low: float, high: float, expected: str, whole: bool) 
     kind = numbers.Integral if whole else numbers.Real
     if isinstance(value, bool) or not isinstance(value, kind):
         raise _Wrong(expected, wrong_type=True)
-    number = int(value) if whole else float(value)
+    number = int(value) if whole else float(value)  # type: ignore[call-overload]  # kind was checked above
     if not math.isfinite(number) or not low <= number <= high:
         raise _Wrong(expected, wrong_type=False)
     return number
 
 
-def real(default: float, low: float, high: float, unit: str, doc: str) -> Any:
+def real(low: float, high: float, unit: str, doc: str, *, default: float) -> Any:
     """Declare a finite number in [low, high] of the given unit."""
     expected = f"a number from {low:g} to {high:g} {unit}".rstrip()
     return _declare(default, expected, doc, lambda value: _number(value, low, high, expected, False))
 
 
-def integer(default: int, low: int, high: int, unit: str, doc: str) -> Any:
+def integer(low: int, high: int, unit: str, doc: str, *, default: int) -> Any:
     """Declare a whole number in [low, high] of the given unit."""
     expected = f"a whole number from {low} to {high} {unit}".rstrip()
     return _declare(default, expected, doc, lambda value: _number(value, low, high, expected, True))
@@ -74,19 +74,19 @@ def _several(default: tuple[Any, ...], expected: str, doc: str, item: Callable[[
     return _declare(default, expected, doc, check)
 
 
-def reals(default: tuple[float, ...], low: float, high: float, unit: str, doc: str) -> Any:
+def reals(low: float, high: float, unit: str, doc: str, *, default: tuple[float, ...]) -> Any:
     """Declare a tuple of ``len(default)`` finite numbers in [low, high]."""
     expected = f"{len(default)} numbers from {low:g} to {high:g} {unit}".rstrip()
     return _several(default, expected, doc, lambda value: _number(value, low, high, expected, False))
 
 
-def integers(default: tuple[int, ...], low: int, high: int, unit: str, doc: str) -> Any:
+def integers(low: int, high: int, unit: str, doc: str, *, default: tuple[int, ...]) -> Any:
     """Declare a tuple of ``len(default)`` whole numbers in [low, high]."""
     expected = f"{len(default)} whole numbers from {low} to {high} {unit}".rstrip()
     return _several(default, expected, doc, lambda value: _number(value, low, high, expected, True))
 
 
-def choice(default: str, options: tuple[str, ...], doc: str) -> Any:
+def choice(options: tuple[str, ...], doc: str, *, default: str) -> Any:
     """Declare one of a few words."""
     expected = "one of " + ", ".join(repr(option) for option in options)
 
@@ -100,7 +100,7 @@ def choice(default: str, options: tuple[str, ...], doc: str) -> Any:
     return _declare(default, expected, doc, check)
 
 
-def flag(default: bool, doc: str) -> Any:
+def flag(doc: str, *, default: bool) -> Any:
     """Declare a yes-or-no field."""
 
     def check(value: object) -> object:
@@ -111,7 +111,7 @@ def flag(default: bool, doc: str) -> Any:
     return _declare(default, "True or False", doc, check)
 
 
-def part(kind: type, doc: str) -> Any:
+def part(kind: type, doc: str, *, default: object) -> Any:
     """Declare a nested configuration of the given class; a mapping is accepted too and read by ``from_dict``."""
     expected = f"a {kind.__name__}"
 
@@ -122,7 +122,7 @@ def part(kind: type, doc: str) -> Any:
             raise _Wrong(expected, wrong_type=True)
         return value
 
-    return _declare(kind(), expected, doc, check)
+    return _declare(default, expected, doc, check)
 
 
 def _did_you_mean(word: str, options: tuple[str, ...] | list[str]) -> str:
@@ -135,9 +135,7 @@ def _refuse_unknown(cls: type, given: Mapping[str, object]) -> None:
     for name, value in given.items():
         if name not in names:
             hint = _did_you_mean(name, names)
-            raise TypeError(
-                f"{cls.__name__} has no field {name!r} (given {value!r}); fields: {', '.join(names)}{hint}"
-            )
+            raise TypeError(f"{cls.__name__} has no field {name!r} (given {value!r}); fields: {', '.join(names)}{hint}")
 
 
 @dataclass_transform(

@@ -7,8 +7,8 @@ line ends and crossings).
 >>> from workbench.arena.tracks import TrackConfig, make_track
 >>> line = make_track(TrackConfig(judder="none"), np.random.default_rng(0))
 >>> floor = draw_floor(line, 0.015)
->>> round(floor_darkness(floor.raster, floor.x0, floor.y0, 0.5, 0.0), 2), floor_darkness(floor.raster, floor.x0, floor.y0, 0.4, 0.0)
-(1.0, 0.0)
+>>> [round(floor_darkness(floor.raster, floor.x0, floor.y0, x, 0.0), 2) for x in (0.5, 0.4)]
+[1.0, 0.0]
 
 Contract: the raster is uint8, row = y, column = x, cells of CELL metres; what lies outside is white.
 """
@@ -80,4 +80,5 @@ def floor_darkness(raster: Any, x0: float, y0: float, x: float, y: float) -> flo
     v, u = row - i, column - j
     low = (1.0 - u) * raster[i, j] + u * raster[i, j + 1]
     high = (1.0 - u) * raster[i + 1, j] + u * raster[i + 1, j + 1]
-    return ((1.0 - v) * low + v * high) / 255.0
+    dark: float = ((1.0 - v) * low + v * high) / 255.0
+    return dark

@@ -67,7 +67,8 @@ def picture(
     far = np.clip((distance - 2.0) / 3.0, 0.0, 1.0)[:, None]
     colour = np.where(hit[:, None], colour * (1 - far) + SKY * far, colour)
     fine = colour.reshape(height, smooth, width, smooth, 3).mean(axis=(1, 3))
-    return np.round(255 * np.clip(fine, 0.0, 1.0)).astype(np.uint8)
+    pixels: NDArray[np.uint8] = np.round(255 * np.clip(fine, 0.0, 1.0)).astype(np.uint8)
+    return pixels
 
 
 def _camera_rays(eye: Floats, target: Floats, angle_deg: float, width: int, height: int) -> Floats:

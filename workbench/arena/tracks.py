@@ -36,13 +36,15 @@ RAMP = 0.020  # m, over which a re-planned path joins its new offset
 class TrackConfig:
     """The line on the floor."""
 
-    shape: str = choice("circle", ("circle", "stadium", "eight"), "form of the nominal loop")
-    radius_m: float = real(0.5, 0.15, 20.0, "m", "smallest radius of curvature; grows if the convoy needs room")
-    direction: str = choice("clockwise", ("clockwise", "anticlockwise"), "driving direction (of the eight's first lobe)")
-    judder: str = choice("spectrum", ("spectrum", "replan", "none"), "how the line deviates from the nominal loop")
-    judder_rms_m: float = real(0.004, 0.0, 0.02, "m", "RMS lateral offset of the line")
-    wavelengths_m: tuple[float, float] = reals((0.1, 0.3), 0.05, 2.0, "m", "shortest and longest wavelength of the judder")
-    line_width_m: float = real(0.015, 0.008, 0.05, "m", "width of the black line")
+    shape: str = choice(("circle", "stadium", "eight"), "form of the nominal loop", default="circle")
+    radius_m: float = real(0.15, 20.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5)
+    direction: str = choice(("clockwise", "anticlockwise"), "driving direction (of the eight's first lobe)", default="clockwise")
+    judder: str = choice(("spectrum", "replan", "none"), "how the line deviates from the nominal loop", default="spectrum")
+    judder_rms_m: float = real(0.0, 0.02, "m", "RMS lateral offset of the line", default=0.004)
+    wavelengths_m: tuple[float, float] = reals(
+        0.05, 2.0, "m", "shortest and longest wavelength of the judder", default=(0.1, 0.3)
+    )
+    line_width_m: float = real(0.008, 0.05, "m", "width of the black line", default=0.015)
 
     def _check(self) -> None:
         short, long = self.wavelengths_m
@@ -122,7 +124,7 @@ def make_track(config: TrackConfig, rng: np.random.Generator, *, convoy_length_m
     clockwise = config.direction == "clockwise"
     if clockwise:
         nominal = nominal * np.array([1.0, -1.0])
-    s = np.arange(len(nominal)) * (length / len(nominal))
+    s: Floats = np.arange(len(nominal), dtype=np.float64) * (length / len(nominal))
     offset = _judder(config, s, length, rng)
     tangent = np.roll(nominal, -1, axis=0) - np.roll(nominal, 1, axis=0)
     tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]

@@ -17,7 +17,6 @@ import math
 import os
 from typing import Any
 
-import mujoco
 import numpy as np
 from mujoco import batch as mujoco_batch
 from numba import njit
@@ -93,7 +92,7 @@ class World:
         self.batch = mujoco_batch.Batch(self.model, len(tracks), self.threads)
         self.qpos: NDArray[np.float64] = self.batch.bind("qpos")
         self.ctrl: NDArray[np.float64] = self.batch.bind("ctrl")
-        self.states: NDArray[np.float64] = self.qpos.base  # type: ignore[assignment]  # qpos is a view of the rows
+        self.states: NDArray[np.float64] = self.qpos.base  # qpos is a view of the rows
         assert self.states.shape == (len(tracks), self.batch.nstate)
         self.floor, self.x0, self.y0 = draw_floors(tracks, line_width_m)
         for formation, track in enumerate(tracks):
@@ -165,4 +164,3 @@ class World:
             s = (low + high) / 2
             x, y, _ = track.pose(s)
             self.place(formation, robot, x, y, math.atan2(ahead[1] - y, ahead[0] - x))
-

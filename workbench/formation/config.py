@@ -25,26 +25,36 @@ class ConvoyConfig:
     speeds, bounds, control period, reward or step sizes; these defaults are our choice.
     """
 
-    followers: int = integer(4, 1, 256, "", "robots behind the leader")
-    drive: str = choice("wheels", DRIVES, "fidelity of the simulated robot")
-    sensing: str = choice("truth", ("truth",), "where the errors come from: truth reads the simulator's poses")
-    track: TrackConfig = part(TrackConfig, "the line on the floor")
-    leader_speed_mps: float = real(0.06, 0.005, 0.12, "m/s", "constant speed of the leader")
-    distance_m: tuple[float, float] = reals((0.08, 0.22), 0.0701, 1.0, "m", "terminal distances between centres; d* is the middle")
-    bearing_limit_rad: float = real(math.pi / 4, 0.05, math.pi, "rad", "terminal bearing on both sides")
-    state_tiles: tuple[int, int] = integers((9, 9), 1, 64, "", "cells of distance and bearing")
-    tiling: str = choice("uniform", ("uniform", "logarithmic"), "spacing of the state cells")
-    inner_distance_m: float = real(0.003, 1e-4, 0.5, "m", "half width of the middle distance cell (logarithmic)")
-    inner_bearing_rad: float = real(math.radians(2), 1e-3, 3.0, "rad", "half width of the middle bearing cell (logarithmic)")
-    action_levels: tuple[int, int] = integers((7, 7), 1, 64, "", "speed levels of the left and the right wheel")
-    wheel_speed_mps: tuple[float, float] = reals((0.03, 0.09), -V_MAX, V_MAX, "m/s", "slowest and fastest level of a wheel")
-    reward: str = choice("quadratic", PRESETS, "reward preset, all of them ours")
-    terminal_factor: float = real(1.0, 1.0, 1000.0, "", "terminal reward in units of the worst step reward / (1 - γ)")
-    reset: str = choice("manoeuvre", ("manoeuvre", "restart"), "after a loss: drive back (II-C), or restart the simulation")
-    sight_m: float = real(2.0, 0.1, 100.0, "m", "distance within which a lost predecessor can be seen")
-    weights: str = choice("own", ("own", "shared", "first"), "own tables; one shared table; the first learns, others copy")
-    learner: LearnerConfig = part(LearnerConfig, "step sizes, discount, exploration")
-    seed: int = integer(1, 0, 2**63 - 1, "", "seed of everything random in the run")
+    followers: int = integer(1, 256, "", "robots behind the leader", default=4)
+    drive: str = choice(DRIVES, "fidelity of the simulated robot", default="wheels")
+    sensing: str = choice(("truth",), "where the errors come from: truth reads the simulator's poses", default="truth")
+    track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())
+    leader_speed_mps: float = real(0.005, 0.12, "m/s", "constant speed of the leader", default=0.06)
+    distance_m: tuple[float, float] = reals(
+        0.0701, 1.0, "m", "terminal distances between centres; d* is the middle", default=(0.08, 0.22)
+    )
+    bearing_limit_rad: float = real(0.05, math.pi, "rad", "terminal bearing on both sides", default=math.pi / 4)
+    state_tiles: tuple[int, int] = integers(1, 64, "", "cells of distance and bearing", default=(9, 9))
+    tiling: str = choice(("uniform", "logarithmic"), "spacing of the state cells", default="uniform")
+    inner_distance_m: float = real(1e-4, 0.5, "m", "half width of the middle distance cell (logarithmic)", default=0.003)
+    inner_bearing_rad: float = real(
+        1e-3, 3.0, "rad", "half width of the middle bearing cell (logarithmic)", default=math.radians(2)
+    )
+    action_levels: tuple[int, int] = integers(1, 64, "", "speed levels of the left and the right wheel", default=(7, 7))
+    wheel_speed_mps: tuple[float, float] = reals(
+        -V_MAX, V_MAX, "m/s", "slowest and fastest level of a wheel", default=(0.03, 0.09)
+    )
+    reward: str = choice(PRESETS, "reward preset, all of them ours", default="quadratic")
+    terminal_factor: float = real(1.0, 1000.0, "", "terminal reward in units of the worst step reward / (1 - γ)", default=1.0)
+    reset: str = choice(
+        ("manoeuvre", "restart"), "after a loss: drive back (II-C), or restart the simulation", default="manoeuvre"
+    )
+    sight_m: float = real(0.1, 100.0, "m", "distance within which a lost predecessor can be seen", default=2.0)
+    weights: str = choice(
+        ("own", "shared", "first"), "own tables; one shared table; the first learns, others copy", default="own"
+    )
+    learner: LearnerConfig = part(LearnerConfig, "step sizes, discount, exploration", default=LearnerConfig())
+    seed: int = integer(0, 2**63 - 1, "", "seed of everything random in the run", default=1)
 
     def _check(self) -> None:
         for name in ("distance_m", "wheel_speed_mps"):
@@ -81,9 +91,7 @@ class ConvoyConfig:
                 else:
                     tilings.append(Tiling.logarithmic(-half, half, count, inner=inner))
             except ValueError as error:
-                raise ValueError(
-                    f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = {inner!r}: {error}"
-                ) from None
+                raise ValueError(f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = {inner!r}: {error}") from None
         return TileGrid(*tilings)
 
     def levels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -21,6 +21,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numba
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -44,7 +45,9 @@ from workbench.robot.ground import ground_reading
 BLOCK = 2500  # control periods
 CHILDREN = ("track", "sensor", "policy")
 
-FORMATION = np.dtype([("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")])
+FORMATION = np.dtype(
+    [("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")]
+)
 
 RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
 
@@ -60,7 +63,7 @@ def control_step(
         if formations[b].done:
             continue
         flags |= _formation_step(
-            t, task, qpos[b], ctrl[b], floor[b], formations[b], robots[b], weights[b],
+            t, task[0], qpos[b], ctrl[b], floor[b], formations[b], robots[b], weights[b],
             trace_ids[b], trace_values[b], chance[b, t], block[b, t],
         )  # fmt: skip
     return flags
@@ -218,12 +221,16 @@ class Convoy:
             self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
         self._block["phase"] = -1
         arrays = (
-            self._task[0], self.world.qpos, self.world.ctrl, self.world.floor, self._formations, self._robots,
+            self._task, self.world.qpos, self.world.ctrl, self.world.floor, self._formations, self._robots,
             self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
         )  # fmt: skip
+        types = tuple(numba.typeof(argument) for argument in (0, *arrays))
+        control_step.compile(types)
+        # the compiled function for exactly these types: numba's look-up at every call would cost as much as the call
+        act_all = control_step.overloads[types].entry_point  # type: ignore[attr-defined]  # a named tuple
         step, running = self.world.batch.step, self._running()
         for t in range(BLOCK):
-            flags = control_step(t, *arrays)
+            flags = act_all(t, *arrays)
             if flags:
                 self._attend(flags)
                 running = self._running()
@@ -283,7 +290,7 @@ class Convoy:
                     )
                     raise FloatingPointError(f"seed {seed}: {message}")
             raise FloatingPointError("a temporal-difference error is not finite; lower the step sizes")
-        for b in np.flatnonzero(self._formations["restart"]):
+        for b in np.flatnonzero(self._formations["restart"]).tolist():
             self.world.restart(b)
             for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)

@@ -178,4 +178,3 @@ def act(
     follower.e_d, follower.o_err = e_d, bearing
     step.phase = FOLLOW
     return task.left_steps[action // task.right_levels], task.right_steps[action % task.right_levels], finite
-

@@ -8,17 +8,17 @@ from workbench.learning.behaviour import SCHEDULES
 class LearnerConfig:
     """Parameters of Greedy-GQ(λ) and of its ε-greedy behaviour."""
 
-    alpha: float = real(0.1, 1e-9, 1.0, "", "main step size α")
-    eta: float = real(0.01, 0.0, 100.0, "", "ratio η of the secondary to the main step size, β = αη")
-    gamma: float = real(0.8, 0.0, 0.9999, "", "discount γ")
-    lam: float = real(0.8, 0.0, 1.0, "", "trace decay λ")
-    theta0: float = real(-0.1, -1e6, 1e6, "", "initial main weights θ₀")
-    epsilon: float = real(0.05, 0.0, 1.0, "", "exploration rate ε at the start")
-    epsilon_final: float = real(0.01, 0.0, 1.0, "", "exploration rate ε at the end of its schedule")
-    epsilon_fraction: float = real(0.25, 1e-6, 1.0, "of the run", "part of the run over which ε falls")
-    epsilon_schedule: str = choice("linear", SCHEDULES, "how ε falls")
-    trace_cutoff: float = real(1e-8, 0.0, 1.0, "", "trace entries at or below this magnitude are dropped, 0 keeps all")
-    buffer: bool = flag(True, "update buffer of depth 1: act first, learn while the action runs (paper II-D)")
+    alpha: float = real(1e-9, 1.0, "", "main step size α", default=0.1)
+    eta: float = real(0.0, 100.0, "", "ratio η of the secondary to the main step size, β = αη", default=0.01)
+    gamma: float = real(0.0, 0.9999, "", "discount γ", default=0.8)
+    lam: float = real(0.0, 1.0, "", "trace decay λ", default=0.8)
+    theta0: float = real(-1e6, 1e6, "", "initial main weights θ₀", default=-0.1)
+    epsilon: float = real(0.0, 1.0, "", "exploration rate ε at the start", default=0.05)
+    epsilon_final: float = real(0.0, 1.0, "", "exploration rate ε at the end of its schedule", default=0.01)
+    epsilon_fraction: float = real(1e-6, 1.0, "of the run", "part of the run over which ε falls", default=0.25)
+    epsilon_schedule: str = choice(SCHEDULES, "how ε falls", default="linear")
+    trace_cutoff: float = real(0.0, 1.0, "", "trace entries at or below this magnitude are dropped, 0 keeps all", default=1e-8)
+    buffer: bool = flag("update buffer of depth 1: act first, learn while the action runs (paper II-D)", default=True)
 
     @property
     def beta(self) -> float:

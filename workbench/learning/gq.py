@@ -39,9 +39,7 @@ class GQ:
     Invariant: the sparse trace never holds a feature twice, and w starts at 0.
     """
 
-    def __init__(
-        self, features: int, alpha: float, *, beta: float = 0.0, cutoff: float = 0.0, theta0: float = 0.0
-    ) -> None:
+    def __init__(self, features: int, alpha: float, *, beta: float = 0.0, cutoff: float = 0.0, theta0: float = 0.0) -> None:
         if features < 1:
             raise ValueError(f"features = {features!r}; expected at least 1")
         for name, number, positive in (("alpha", alpha, True), ("beta", beta, False), ("cutoff", cutoff, False)):
@@ -138,7 +136,7 @@ class GQ:
             raise ValueError(f"state lacks {', '.join(missing)}; expected what state() returns")
         for name in own:
             if name in ("theta", "w"):
-                given, expected = np.shape(state[name]), np.shape(own[name])  # type: ignore[arg-type]
+                given, expected = np.asarray(state[name]).shape, np.asarray(own[name]).shape
             elif name in ("trace_index", "trace_value", "decay", "steps"):
                 continue
             else:

@@ -32,7 +32,9 @@ def error_measures(world: World, config: ConvoyConfig, *, formation: int = 0, fo
         nose = (cx + 0.06 * math.cos(direction), cy + 0.06 * math.sin(direction))
         ax.add_patch(FancyArrowPatch((cx, cy), nose, arrowstyle="-|>", mutation_scale=12, color=colour))
     ax.add_patch(
-        Circle((x, y), config.middle_m, fill=False, linestyle="--", edgecolor=CYCLE[2], label=f"d* = {1000 * config.middle_m:.0f} mm")
+        Circle(
+            (x, y), config.middle_m, fill=False, linestyle="--", edgecolor=CYCLE[2], label=f"d* = {1000 * config.middle_m:.0f} mm"
+        )
     )
     ax.plot([x, ahead_x], [y, ahead_y], color="black", linewidth=1)
     straight = (x + 1.15 * config.middle_m * math.cos(heading), y + 1.15 * config.middle_m * math.sin(heading))
@@ -42,12 +44,12 @@ def error_measures(world: World, config: ConvoyConfig, *, formation: int = 0, fo
     middle = heading + bearing / 2
     ax.annotate(
         rf"$o_{{err}}$ = {math.degrees(bearing):+.1f}°", (x + 0.085 * math.cos(middle), y + 0.085 * math.sin(middle)),
-        xytext=(34, -26), textcoords="offset points", arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+        xytext=(40, -22), textcoords="offset points", arrowprops={"arrowstyle": "-", "linewidth": 0.7},
     )  # fmt: skip
     error_mm = 1000 * (distance - config.middle_m)
     ax.annotate(
         f"d = {1000 * distance:.0f} mm\n" + rf"$e_d$ = {error_mm:+.0f} mm", ((x + ahead_x) / 2, (y + ahead_y) / 2),
-        xytext=(-92, 22), textcoords="offset points", arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+        xytext=(-100, 18), textcoords="offset points", arrowprops={"arrowstyle": "-", "linewidth": 0.7},
     )  # fmt: skip
     reach = config.middle_m + 0.07
     ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), xlabel="x in m", ylabel="y in m", aspect="equal")
@@ -71,12 +73,12 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     ax.add_collection(PatchCollection(wedges, facecolor=colours, edgecolor="#777777", linewidth=0.6))
     ax.add_patch(Circle((0, 0), 1000 * geometry.BODY_RADIUS, facecolor=CYCLE[0], alpha=0.4, edgecolor=CYCLE[0]))
     ax.add_patch(FancyArrowPatch((0, 0), (0, 55), arrowstyle="-|>", mutation_scale=12, color=CYCLE[0]))
-    ax.add_patch(
-        Circle((0, 1000 * config.middle_m), 1000 * geometry.BODY_RADIUS, fill=False, linestyle="--", edgecolor=CYCLE[1])
-    )
-    ax.annotate("robot in front\nat the optimum", (0, 1000 * config.middle_m + 35), xytext=(48, 30),
-                textcoords="offset points", fontsize=8, color=CYCLE[1], arrowprops={"arrowstyle": "-", "color": CYCLE[1]})  # fmt: skip
-    top = outer[-1] + 45
+    ax.add_patch(Circle((0, 1000 * config.middle_m), 1000 * geometry.BODY_RADIUS, fill=False, linestyle="--", edgecolor=CYCLE[1]))
+    ax.annotate(
+        "robot in front\nat the optimum", (0, 1000 * config.middle_m + 35), xytext=(48, 40), textcoords="offset points",
+        fontsize=8, color=CYCLE[1], arrowprops={"arrowstyle": "-", "color": CYCLE[1]},
+    )  # fmt: skip
+    top = outer[-1] + 30
     ax.set(xlim=(-top * 0.8, top * 0.8), ylim=(-45, top), xlabel="to the side in mm (left of the robot is left)",
            ylabel="ahead in mm", aspect="equal")  # fmt: skip
     return ax
@@ -88,7 +90,7 @@ def circle_geometry(radius_m: float, distance_m: float) -> tuple[NDArray[np.floa
     A follower at radius r behind a predecessor at R, at distance d and heading along its own circle, sees it at the
     inward bearing asin((r² + d² - R²) / 2rd): from 0 at r = √(R² - d²) to asin(d / 2R) at r = R.
     """
-    radius = np.linspace(math.sqrt(radius_m**2 - distance_m**2) * 0.985, radius_m * 1.01, 200)
+    radius = np.linspace(0.91 * radius_m, 1.1 * radius_m, 200)
     inward = np.arcsin((radius**2 + distance_m**2 - radius_m**2) / (2 * radius * distance_m))
     return np.degrees(inward), radius
 
@@ -114,7 +116,7 @@ def circle_following(
     for number, name in enumerate(bearing_deg):
         ax.plot(
             np.asarray(bearing_deg[name]), 1000 * np.asarray(radius_m[name]), MARKERS[number], color=CYCLE[number],
-            markersize=5, alpha=0.8, label=f"{name} (n = {np.size(bearing_deg[name])} seeds)",
+            markersize=5, alpha=0.8, label=f"{name} (n = {np.size(bearing_deg[name])} runs)",
         )  # fmt: skip
     ax.set_xlabel("mean bearing towards the inside of the circle in degrees")
     ax.set_ylabel("mean radius of follower 1 in mm")

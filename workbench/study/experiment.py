@@ -63,7 +63,7 @@ class Job:
 
 
 def paper_jobs(*, quick: bool) -> list[Job]:
-    """Return all jobs, longest first; quick ones are too short to mean anything and only exercise the code."""
+    """Return all jobs; quick ones are too short to mean anything and only exercise the code."""
     full = not quick
     steps, minutes, shift_steps = (1_300_000, 30.0, 100_000) if full else (6_000, 0.5, 2_000)
     seeds = tuple(range(1, 11)) if full else (1, 2)
@@ -98,7 +98,9 @@ def fingerprint(jobs: list[Job]) -> str:
     """Return a short hash of everything that the runs depend on: requests, sources and versions."""
     digest = hashlib.sha256()
     for job in jobs:
-        digest.update(json.dumps([job.name, fields.to_dict(job.config), job.seeds, job.steps, job.minutes, job.policies]).encode())
+        digest.update(
+            json.dumps([job.name, fields.to_dict(job.config), job.seeds, job.steps, job.minutes, job.policies]).encode()
+        )
     package = paths.ROOT / "workbench"
     for source in _SOURCES:
         files = sorted((package / source).glob("*.py")) if (package / source).is_dir() else [package / source]
@@ -135,11 +137,12 @@ def _run_missing(missing: list[Job], folder: Path, workers: int) -> None:
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager, ProcessPoolExecutor(workers or cores, mp_context=context) as pool:
         ticks = manager.Queue()
-        waiting, running = list(missing), set[Future[None]]()
+        waiting = sorted(missing, key=lambda job: -job.units * job.unit_cost)  # longest first: no core idles at the end
+        running = set[Future[None]]()
         total = sum(job.units * job.unit_cost for job in missing)
         with report(True, total, f"{len(missing)} batches of runs", unit="") as tell:
             while waiting or running:
-                for job in [job for job in waiting if _ready(folder, job)]:
+                for job in [job for job in waiting if _ready(folder, job)][: (workers or cores) - len(running)]:
                     waiting.remove(job)
                     running.add(pool.submit(_run_job, job, folder, ticks))
                 done, running = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)

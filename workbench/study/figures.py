@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from IPython.display import Image
 from matplotlib.figure import Figure
 
 from workbench import fields, paths
@@ -76,6 +77,14 @@ def save_figure(
     return [target / file for file in contents]
 
 
+def publish(
+    fig: Figure, name: str, *, numbers: pd.DataFrame | Mapping[str, Any], sources: Sequence[Run] = (), svg: bool = True
+) -> Image:
+    """Write a figure as ``save_figure`` does and return it as the picture that a notebook shows and stores."""
+    save_figure(fig, name, numbers=numbers, sources=sources, svg=svg)
+    return Image(_draw(fig, "png"), width=round(100 * fig.get_figwidth()))
+
+
 def numbers_in(folder: Path) -> dict[str, pd.DataFrame]:
     """Return the plotted numbers of every figure in a folder, by file name."""
     return {path.name: pd.read_csv(path) for path in sorted(folder.glob("*.csv"))}
@@ -106,7 +115,16 @@ def compare_numbers(before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.D
                     largest = int(np.argmax(gap))
                     rows.append((name, column, int(differs.sum()), gap[largest], gap[largest] / scale[largest], ""))
             elif not old[column].equals(new[column]):
-                rows.append((name, column, int((old[column].astype(str) != new[column].astype(str)).sum()), np.nan, np.nan, "words differ"))
+                rows.append(
+                    (
+                        name,
+                        column,
+                        int((old[column].astype(str) != new[column].astype(str)).sum()),
+                        np.nan,
+                        np.nan,
+                        "words differ",
+                    )
+                )
     return pd.DataFrame(rows, columns=["file", "column", "numbers", "largest_difference", "relative", "note"])
 
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Rectangle
@@ -63,7 +64,9 @@ def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: A
                     va="center", fontsize=6.5, color="white" if dark else "black",
                 )  # fmt: skip
     bar = ax.figure.colorbar(mesh, ax=ax, label="share of visits (log scale; grey: never)")
-    bar.set_ticks([10.0**k for k in range(-7, 1)], labels=["0.00001 %", "0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
+    bar.set_ticks(
+        [10.0**k for k in range(-7, 1)], labels=["0.00001 %", "0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"]
+    )
     bar.ax.minorticks_off()
     _tile_axes(ax, config)
     ax.set_title(label, loc="left", fontsize=8.5)
@@ -78,37 +81,77 @@ def frame_block(ax: Axes, config: ConvoyConfig, place: Sequence[int], size: int,
     corner = (bearing[column], distance[row])
     ax.add_patch(
         Rectangle(
-            corner, bearing[columns] - bearing[column], distance[rows] - distance[row], fill=False, edgecolor=colour,
-            linewidth=2.2 if size > 1 else 1.4, linestyle="-" if size > 1 else "--", label=label, zorder=5,
+            corner,
+            bearing[columns] - bearing[column],
+            distance[rows] - distance[row],
+            fill=False,
+            edgecolor=colour,
+            linewidth=2.2 if size > 1 else 1.4,
+            linestyle="-" if size > 1 else "--",
+            label=label,
+            zorder=5,
         )  # fmt: skip
     )
 
 
 def learning_curves(
-    curves: Mapping[str, tuple[ArrayLike, ArrayLike]], *, ylabel: str, ax: Axes | None = None, log: bool = False
+    blocks: pd.DataFrame, value: str, *, by: str, ylabel: str, ax: Axes | None = None, symlog: float = 0.0
 ) -> Axes:
-    """Draw one quantity against learning updates: each run thin, the median of a condition thick.
+    """Draw one quantity against learning updates: each seed thin, the median of a condition thick.
 
     Args:
-        curves: condition → (updates (K,), values (runs, K)).
+        blocks: tidy, with columns "updates" (before the block), "seed", "block" (its number), ``by`` and ``value``.
+        value: the column to draw.
+        by: the column that names the condition.
         ylabel: quantity and unit.
-        log: logarithmic value axis.
+        symlog: if positive, a logarithmic value axis that is linear below this value.
     """
-    ax = ax or new_axes(6.0, 3.6)
-    for number, (name, (updates, values)) in enumerate(curves.items()):
-        rows = np.atleast_2d(np.asarray(values, dtype=np.float64))
-        x = np.asarray(updates, dtype=np.float64) / 1e6
-        for row in rows:
-            ax.plot(x, row, color=CYCLE[number], linewidth=0.5, alpha=0.35)
+    ax = ax or new_axes(6.2, 3.5)
+    for number, (name, group) in enumerate(blocks.groupby(by, sort=False)):
+        for _, run in group.groupby("seed"):
+            ax.plot(run["updates"] / 1e6, run[value], color=CYCLE[number], linewidth=0.5, alpha=0.35)
+        middle = group.groupby("block")[["updates", value]].median()
+        seeds = group["seed"].nunique()
         ax.plot(
-            x, np.median(rows, axis=0), color=CYCLE[number], marker=MARKERS[number], markevery=max(len(x) // 8, 1),
-            markersize=4, label=f"{name} (n = {len(rows)} seeds; thick: median, thin: each seed)",
+            middle["updates"] / 1e6, middle[value], color=CYCLE[number], marker=MARKERS[number], markersize=4,
+            markevery=max(len(middle) // 8, 1), label=f"{name} (n = {seeds} seeds; thick: median, thin: each seed)",
         )  # fmt: skip
-    if log:
-        ax.set_yscale("log")
+    if symlog:
+        ax.set_yscale("symlog", linthresh=symlog)
+        ax.set_ylim(bottom=0)
     ax.set_xlabel("learning updates of all followers together, millions")
     ax.set_ylabel(ylabel)
     ax.legend()
+    return ax
+
+
+def intervals_by_case(
+    table: pd.DataFrame, value: str, *, rows: str, colours: str, lines: Mapping[str, float], ax: Axes | None = None
+) -> Axes:
+    """Draw a mean and its interval for every pair of cases.
+
+    Args:
+        table: one line per pair, with columns ``value``, "low", "high", "seeds" and those named by rows and colours.
+        rows: the column whose cases get a row each.
+        colours: the column whose cases get a colour and a marker each.
+        lines: name → value, vertical reference lines.
+    """
+    ax = ax or new_axes(6.4, 3.4)
+    cases, kinds = list(table[rows].unique()), list(table[colours].unique())
+    for place, at in lines.items():
+        ax.axvline(at, color="#777777", linestyle=":", linewidth=1)
+        ax.text(at, -0.62, place, fontsize=7.5, ha="center", va="bottom", color="#555555")
+    for number, kind in enumerate(kinds):
+        part = table[table[colours] == kind]
+        y = np.array([cases.index(case) for case in part[rows]]) + 0.2 * (number - (len(kinds) - 1) / 2)
+        spread = np.abs(np.array([part["low"], part["high"]]) - part[value].to_numpy())
+        ax.errorbar(
+            part[value], y, xerr=spread, fmt=MARKERS[number], color=CYCLE[number], markersize=5, capsize=3,
+            label=f"{colours} {kind} (n = {part['seeds'].iloc[0]} seeds, 95 % bootstrap)",
+        )  # fmt: skip
+    ax.set_yticks(range(len(cases)), cases)
+    ax.set_ylim(len(cases) - 0.4, -0.65)
+    ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.18), fontsize=7.5)
     return ax
 
 
@@ -134,7 +177,10 @@ def policy_map(
     ax = ax or new_axes(5.6, 4.4)
     distance, bearing = _edges(config)
     greedy = policy.greedy()[table]
-    left, right = (levels[part] for levels, part in zip((policy.left_steps, policy.right_steps), divmod(greedy, len(policy.right_steps)), strict=True))
+    left, right = (
+        levels[part]
+        for levels, part in zip((policy.left_steps, policy.right_steps), divmod(greedy, len(policy.right_steps)), strict=True)
+    )
     speed, turn = np.array([twist(float(a), float(b)) for a, b in zip(left, right, strict=True)]).T
     seen = np.ones(config.state_tiles, bool) if visited is None else np.asarray(visited) > 0
     ax.set_facecolor(NEVER)
@@ -144,9 +190,7 @@ def policy_map(
     x, y = np.meshgrid((bearing[:-1] + bearing[1:]) / 2, (distance[:-1] + distance[1:]) / 2)
     lean = np.clip(turn / 1.2, -1, 1).reshape(config.state_tiles) * math.pi / 2
     at = seen
-    ax.quiver(
-        x[at], y[at], -np.sin(lean)[at], np.cos(lean)[at], pivot="mid", angles="uv", scale=14, width=0.006, color="white"
-    )
+    ax.quiver(x[at], y[at], -np.sin(lean)[at], np.cos(lean)[at], pivot="mid", angles="uv", scale=14, width=0.006, color="white")
     ax.figure.colorbar(mesh, ax=ax, label="greedy forward speed in mm/s")
     _tile_axes(ax, config)
     return ax

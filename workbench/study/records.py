@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from workbench.formation.config import ConvoyConfig
@@ -24,6 +25,7 @@ SUMS = (
     "visits", "distance", "distance2", "bearing", "bearing2", "reward",
     "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost",
 )  # fmt: skip
+_EVENTS = (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)
 Records = dict[str, NDArray[Any]]
 
 
@@ -48,20 +50,12 @@ class Recorder:
 
     def add(self, block: NDArray[np.void], start: int) -> None:
         """Record one block (periods, followers + 1) of STEP that began after ``start`` updates (or periods)."""
-        block = block[block["phase"][:, 0] >= 0]
-        followers = block[:, 1:]
-        visited = followers["state"] >= 0
-        columns = []
-        for i in range(followers.shape[1]):
-            at, seen = followers[:, i], visited[:, i]
-            e_d, o_err = at["distance_error"][seen].astype(float), at["bearing"][seen].astype(float)
-            events = [np.count_nonzero(at["event"] & bit) for bit in (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)]
-            phases = [len(at), np.count_nonzero(at["phase"] != FOLLOW), np.count_nonzero(at["phase"] == LOST)]
-            errors = [seen.sum(), e_d.sum(), (e_d**2).sum(), o_err.sum(), (o_err**2).sum()]
-            columns.append([*errors, at["reward"][seen].astype(float).sum(), *events, *phases])
-        self._rows.append(np.array(columns, dtype=np.float64))
-        counts = [np.bincount(followers[:, i]["state"][visited[:, i]], minlength=self._states) for i in range(len(columns))]
-        self._visits.append(np.array(counts, dtype=np.int32))
+        block = block[: np.count_nonzero(block["phase"][:, 0] >= 0)]  # a formation that finished stays finished
+        sums = np.zeros((self.config.followers, len(SUMS)))
+        visits = np.zeros((self.config.followers, self._states), np.int32)
+        _reduce(block, sums, visits)
+        self._rows.append(sums)
+        self._visits.append(visits)
         due = len(self._samples) < len(SAMPLED) and start >= SAMPLED[len(self._samples)] * self.length
         if due:
             self._samples.append(block.copy())
@@ -100,6 +94,29 @@ class Recorder:
         starts = [int(start) for start in records["sample_starts"]]
         self._samples, self._last = blocks[:-1], blocks[-1]
         self._sample_starts, self._last_start = starts[:-1], starts[-1]
+
+
+@njit(cache=True)
+def _reduce(block: Any, sums: Any, visits: Any) -> None:
+    """Add up a block's followers: sums (followers, len(SUMS)) and visits (followers, states), in the order of SUMS."""
+    for t in range(block.shape[0]):
+        for i in range(1, block.shape[1]):
+            step, row = block[t, i], sums[i - 1]
+            if step.state >= 0:
+                e_d, o_err = float(step.distance_error), float(step.bearing)
+                visits[i - 1, step.state] += 1
+                row[0] += 1
+                row[1] += e_d
+                row[2] += e_d * e_d
+                row[3] += o_err
+                row[4] += o_err * o_err
+                row[5] += float(step.reward)
+            for k in range(4):
+                if step.event & _EVENTS[k]:
+                    row[6 + k] += 1
+            row[10] += 1
+            row[11] += step.phase != FOLLOW
+            row[12] += step.phase == LOST
 
 
 def sampled_blocks(records: Mapping[str, NDArray[Any]]) -> list[tuple[int, NDArray[np.void]]]:

@@ -237,7 +237,9 @@ class _Batch:
         if resume and checkpoint is not None and checkpoint.is_file():
             _load_checkpoint(checkpoint, convoy, recorders)
         done = int(self._done(convoy).sum())
-        with report(progress, self.length * len(self.seeds), self.kind, done, " updates" if self.kind == "learn" else " periods") as tell:
+        with report(
+            progress, self.length * len(self.seeds), self.kind, done, " updates" if self.kind == "learn" else " periods"
+        ) as tell:
             self._loop(convoy, recorders, checkpoint, checkpoint_s, tell)
         runs = self._results(convoy, recorders)
         if self.folders is not None:
@@ -375,7 +377,9 @@ def _plain_json(value: Any) -> Any:
 
 def _refuse_existing(folder: Path) -> None:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise FileExistsError(f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it")
+        raise FileExistsError(
+            f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it"
+        )
 
 
 def _positive(name: str, number: int) -> int:

@@ -6,8 +6,10 @@ light grey.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -16,12 +18,12 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 NEVER = "#e8e8e8"  # cells without a visit
 INK = "#333333"
 
-RC = {
+RC: Any = {
     "figure.dpi": 110, "savefig.dpi": 160, "figure.constrained_layout.use": True, "figure.facecolor": "white",
     "font.size": 9.5, "axes.labelsize": 9.5, "axes.titlesize": 10, "legend.fontsize": 8.5,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": INK, "axes.labelcolor": INK,
     "xtick.color": INK, "ytick.color": INK, "text.color": INK, "legend.frameon": False, "lines.linewidth": 1.6,
-    "axes.prop_cycle": mpl.cycler(color=CYCLE), "image.cmap": "cividis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
+    "axes.prop_cycle": cycler(color=CYCLE), "image.cmap": "cividis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
 }  # fmt: skip
 
 
