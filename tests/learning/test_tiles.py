@@ -81,7 +81,7 @@ def test_grid_counts_the_last_tiling_fastest_and_knows_centres_and_bounds():
         (lambda: Tiling.uniform(0.0, 1.0, 3).index(math.nan), "x = nan has no cell"),
         (lambda: Tiling.uniform(0.0, 1.0, 3).indices([0.1, math.nan]), "1 of 2 values are nan"),
         (lambda: Tiling.uniform(0.0, 1.0, 3).bounds(3), "cell 3; the tiling has cells 0 to 2"),
-        (lambda: TileGrid(), "at least one tiling"),
+        (TileGrid, "at least one tiling"),
         (lambda: TileGrid(Tiling.uniform(0, 1, 2)).index(0.1, 0.2), "2 values for 1 tilings"),
         (lambda: TileGrid(Tiling.uniform(0, 1, 2)).cells(2), "state 2; the grid has states 0 to 1"),
     ],

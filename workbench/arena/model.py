@@ -6,7 +6,8 @@ servo, as stepper motors impose a speed. The rear slider carries a little of the
 front one hangs 0.3 mm above the floor and catches the body when it brakes hard.
 
 "planar" (20 ms steps, for sweeps): x, y and yaw only. Speed servos act at the two wheel points along the body and hold
-the axle's sideways speed at zero. No wheel contact and no slip; robots still push each other.
+the axle's sideways speed at zero. No wheel contact and no slip; robots still push each other, with servos that know no
+slip: while one pushes another that holds still, the two overlap by up to 9 mm (2 mm on wheels).
 
 Robots collide with each other as upright cylinders: their collision geoms are spheres of the body's radius, whose
 centres all lie at the same height. The visible geoms (group 1) take no part in the physics.
@@ -34,7 +35,7 @@ ACTUATORS = {"wheels": ("left", "right"), "planar": ("left", "right", "sideways"
 WHEEL_SERVO = 3.5e-3  # N m s/rad
 ROTOR_INERTIA = 1.5e-5  # kg m², the motor's rotor as felt behind its 50:1 gear
 TORQUE_LIMIT = 0.015  # N m per wheel
-PLANAR_SERVO = 50.0  # N s/m: settles in one step; our choice
+PLANAR_SERVO = 50.0  # N s/m: a time constant of 1.5 ms; our choice
 FRICTION = 0.8  # rubber tyre on paper or wood: our assumption, no measurement is published
 CENTRE_OF_MASS = (-0.004, 0.0, -0.005)  # m from the axle's middle: slightly behind, so that the rear slider rests
 FRONT_GAP = 0.0003  # m between the front slider and the floor

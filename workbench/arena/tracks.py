@@ -97,7 +97,11 @@ class Track:
         path = np.asarray(points, dtype=np.float64)
         tangent = np.roll(reference, -1, axis=0) - np.roll(reference, 1, axis=0)
         tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
-        near = int(np.argmin(np.sum((reference - path[0]) ** 2, axis=1)))
+        away = np.sum((reference - path[0]) ** 2, axis=1)
+        motion = path[min(3, len(path) - 1)] - path[0]
+        if np.hypot(*motion) > 0:  # where two branches cross, start on the one that runs along the path
+            away += 0.02**2 * (1 - tangent @ (motion / np.hypot(*motion)))
+        near = int(np.argmin(away))
         window = np.arange(-60, 200)
         result = np.empty(len(path))
         for t, point in enumerate(path):

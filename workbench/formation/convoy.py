@@ -49,6 +49,9 @@ FORMATION = np.dtype(
     [("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")]
 )
 
+_UNUSED = np.zeros((), STEP)
+_UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
+
 RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
 
 
@@ -219,7 +222,7 @@ class Convoy:
             rng["sensor"].standard_normal(out=self._sensor)
             rng["policy"].random(out=self._policy)
             self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
-        self._block["phase"] = -1
+        self._block[...] = _UNUSED
         arrays = (
             self._task, self.world.qpos, self.world.ctrl, self.world.floor, self._formations, self._robots,
             self.weights, self._trace_ids, self._trace_values, self._chance, self._block,

@@ -51,14 +51,14 @@ FOLLOWER = np.dtype(
     align=True,
 )  # fmt: skip
 
-STEP = np.dtype(
+STEP = np.dtype(  # no padding: equal records are equal bytes
     [
         ("x", "f4"), ("y", "f4"), ("heading", "f4"),
-        ("phase", "i1"), ("event", "i1"), ("state", "i2"), ("action", "i2"),  # S_t, A_t of a finished transition or -1
         ("distance_error", "f4"), ("bearing", "f4"), ("reward", "f4"),  # at S_t, m and rad; R_{t+1}
+        ("state", "i2"), ("action", "i2"),  # S_t, A_t of a transition that finished now, or -1
         ("left", "i2"), ("right", "i2"),  # command in steps/s
-    ],
-    align=True,
+        ("phase", "i2"), ("event", "i2"),
+    ]
 )  # fmt: skip
 
 LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED = 1, 2, 4, 8, 16  # bits of STEP.event

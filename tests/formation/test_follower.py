@@ -1,0 +1,190 @@
+"""The follower: one implementation, with the update buffer's properties (L5), terminals (L4) and no learning in a reset (X3)."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from workbench.formation import follower as module
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.convoy import Convoy
+from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
+from workbench.formation.reset import APPROACH, FOLLOW, TURN
+from workbench.learning.config import LearnerConfig
+from workbench.learning.gq import GreedyGQ
+from workbench.learning.kernel import new_trace
+
+
+@njit
+def _act(task, follower, step, weights, ids, values, distance, bearing, epsilon, u, room):
+    return module.act(task[0], follower[0], step[0], weights, ids, values, distance, bearing, epsilon, u, room)
+
+
+@njit
+def _learn(task, follower, weights, ids, values):
+    return module.learn(task[0], follower[0], weights, ids, values)
+
+
+class _Robot:
+    """One follower outside a convoy, driven observation by observation, as a loop on a real robot would."""
+
+    def __init__(self, **learner):
+        self.config = ConvoyConfig(followers=1, drive="planar", learner=LearnerConfig(**learner))
+        self.task = Convoy(self.config, [1], steps=1000)._task
+        pairs = self.config.grid().n * self.config.actions
+        self.follower, self.step = np.zeros(1, FOLLOWER), np.zeros(1, STEP)
+        self.follower["state"], self.follower["learns"] = -1, 1
+        self.weights = np.zeros((2, pairs))
+        self.weights[0] = self.config.learner.theta0
+        empty = new_trace(pairs)
+        self.ids, self.values = np.stack([empty[0], empty[2]]), empty[1]
+
+    def act(self, distance, bearing, epsilon=0.0, u=0.99, room=True):
+        arrays = self.task, self.follower, self.step, self.weights, self.ids, self.values
+        left, right, finite = _act(*arrays, float(distance), float(bearing), epsilon, u, room)
+        assert finite
+        return left, right
+
+    def learn(self):
+        assert _learn(self.task, self.follower, self.weights, self.ids, self.values)
+
+
+def _walk(count, seed=0):
+    """Observations that wander inside the bounds and now and then beyond."""
+    rng = np.random.default_rng(seed)
+    distance, bearing = 0.15, 0.0
+    for _ in range(count):
+        distance = float(np.clip(distance + rng.normal(0, 0.02), 0.075, 0.23))
+        bearing = float(np.clip(bearing + rng.normal(0, 0.15), -0.8, 0.8))
+        yield distance, bearing, float(rng.random())
+
+
+@pytest.mark.parametrize("buffer", [True, False])
+def test_followers_and_the_public_class_learn_the_same_bits(buffer):
+    robot = _Robot(buffer=buffer, epsilon=0.3, gamma=0.7, lam=0.6)
+    learner = robot.config.learner
+    twin = GreedyGQ(81, 49, alpha=learner.alpha, beta=learner.beta, gamma=0.7, lam=0.6, cutoff=1e-8, theta0=learner.theta0)
+    learned = 0
+    for distance, bearing, u in _walk(600):
+        robot.act(distance, bearing, epsilon=0.3, u=u)
+        waiting = robot.follower[0].copy()
+        step = robot.step[0]
+        robot.learn()
+        if step["event"] & LEARNED:
+            state, action = int(step["state"]), int(step["action"])
+            following = None if step["event"] & LOSS else int(waiting["w_next"])
+            twin.update(state, action, float(waiting["w_reward"]), following, rho=float(waiting["w_rho"]))
+            learned += 1
+            if following is None:
+                twin.begin_episode()
+    assert learned > 150
+    np.testing.assert_array_equal(robot.weights[0], twin.theta.ravel())
+    np.testing.assert_array_equal(robot.weights[1], twin.w.ravel())
+
+
+def _spoil(buffer):
+    """Make the greedy action so bad that learning it would change the next choice in the same state."""
+    robot = _Robot(buffer=buffer, theta0=0.0)
+    robot.act(0.15, 0.0)
+    first = int(robot.follower["action"][0])
+    robot.act(0.151, 0.01)  # same tile; the reward just now was negative
+    return robot, first, int(robot.follower["action"][0])
+
+
+def test_with_the_buffer_action_t_plus_1_uses_weights_without_transition_t():
+    robot, first, second = _spoil(buffer=True)
+    assert second == first
+    assert robot.weights[0].min() == 0.0  # not learned yet
+    robot.learn()
+    assert robot.weights[0].min() < 0.0
+    robot, first, second = _spoil(buffer=False)
+    assert second == first + 1  # learned at once: the next action in order is now greedy
+
+
+def test_buffered_and_immediate_updates_of_a_fixed_stream_are_bit_identical():
+    # force the same actions: explore always, with the same u; ρ is then 0 or fixed by θ of the choice, so fix it to 0
+    results = []
+    for buffer in (True, False):
+        robot = _Robot(buffer=buffer, epsilon=0.1, gamma=0.5)
+        for distance, bearing, u in _walk(400, seed=3):
+            robot.act(distance, bearing, epsilon=1.0, u=u)
+            robot.follower["rho"] = 0.9
+            robot.learn()
+        results.append(robot.weights.copy())
+    assert np.count_nonzero(results[0][1]) > 100
+    np.testing.assert_array_equal(*results)
+
+
+def test_rho_is_frozen_at_the_choice_even_if_the_table_changes_afterwards():
+    robot = _Robot(epsilon=0.1)
+    robot.act(0.15, 0.0, epsilon=0.1, u=0.5 * 0.1)  # explores: action 24 of 49
+    assert robot.follower["action"][0] == 24 and robot.follower["rho"][0] == 0.0
+    robot.weights[0, 40 * 49 + 24] = 5.0  # another follower writes: the action is greedy now
+    robot.act(0.15, 0.0, epsilon=0.1, u=0.9)
+    assert robot.follower["w_rho"][0] == 0.0
+    robot.act(0.15, 0.0, epsilon=0.1, u=0.9)
+    assert robot.follower["w_rho"][0] == pytest.approx(1 / (1 - 0.1 + 0.1 / 49))
+
+
+def test_a_terminal_is_learned_once_with_no_discount_and_the_trace_is_cleared():
+    robot = _Robot()
+    robot.act(0.15, 0.0)
+    robot.act(0.15, 0.0)
+    robot.learn()
+    robot.act(0.30, 0.0)
+    assert robot.step["event"][0] & LOSS and robot.step["phase"][0] in (TURN, APPROACH)
+    assert robot.follower["w_next"][0] == -1 and robot.follower["w_reward"][0] == pytest.approx(-2 / (1 - 0.8))
+    pair = int(robot.follower["w_state"][0]) * 49 + int(robot.follower["w_action"][0])
+    before = robot.weights[0, pair]
+    trace = robot.values[robot.ids[1, pair]]
+    robot.learn()
+    assert robot.follower["delta"][0] == pytest.approx(-10 - before)  # γ = 0: δ = R - θφ
+    assert robot.weights[0, pair] < before and trace >= 0
+    after = robot.weights.copy()
+    robot.learn()
+    np.testing.assert_array_equal(robot.weights, after)
+    assert robot.follower["trace"][0] == 0 and np.all(robot.ids[1] == -1)
+
+
+def test_nothing_is_learned_or_counted_during_a_reset():
+    robot = _Robot()
+    robot.act(0.15, 0.0)
+    robot.act(0.30, 0.0)
+    robot.learn()
+    weights = robot.weights.copy()
+    for distance in (0.29, 0.26, 0.22, 0.18):
+        robot.act(distance, 0.0)
+        robot.learn()
+        assert robot.step["state"][0] == -1 and not robot.step["event"][0] & LEARNED
+    np.testing.assert_array_equal(robot.weights, weights)
+    robot.act(0.16, 0.0)  # within a third of the half range: a new episode
+    assert robot.step["event"][0] & RECOVERED and robot.step["phase"][0] == FOLLOW
+    robot.act(0.16, 0.0)
+    robot.learn()
+    assert robot.follower["trace"][0] == 1  # the trace began anew
+
+
+def test_a_used_up_budget_stops_learning_and_counting():
+    robot = _Robot()
+    robot.act(0.15, 0.0)
+    robot.act(0.15, 0.0, room=False)
+    assert robot.step["state"][0] == -1 and robot.follower["waiting"][0] == 0
+
+
+def test_an_exploiting_follower_learns_nothing():
+    robot = _Robot()
+    robot.follower["learns"] = 0
+    robot.weights[0] = np.random.default_rng(0).normal(size=robot.weights.shape[1])
+    weights = robot.weights.copy()
+    for distance, bearing, u in _walk(100):
+        robot.act(distance, bearing, epsilon=0.0, u=u)
+        robot.learn()
+    np.testing.assert_array_equal(robot.weights, weights)
+
+
+def test_learning_that_diverges_is_reported():
+    robot = _Robot()
+    robot.act(0.15, 0.0)
+    robot.act(0.15, 0.0)
+    robot.weights[0, 40 * 49 : 41 * 49] = 1.7e308
+    robot.weights[0, 40 * 49 + int(robot.follower["w_action"][0])] = -1.7e308  # δ = γ 1.7e308 + 1.7e308 overflows
+    assert not _learn(robot.task, robot.follower, robot.weights, robot.ids, robot.values)
