@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from workbench.arena.floor import draw_floor, draw_floors, floor_darkness
+from workbench.arena.floor import draw_floors, floor_darkness
 from workbench.arena.tracks import TrackConfig, make_track
 
 
 def _floor(width=0.015, **kinds):
     track = make_track(TrackConfig(**kinds), np.random.default_rng(0))
-    return track, draw_floor(track, width)
+    return track, draw_floors([track], width)
 
 
 @pytest.mark.parametrize("width", [0.010, 0.015, 0.030])
 def test_half_darkness_lies_at_the_line_s_edge(width):
     _, floor = _floor(width, judder="none")
     at = np.linspace(0.46, 0.54, 801)
-    dark = np.array([floor_darkness(floor.raster, floor.x0, floor.y0, x, 0.0) for x in at])
+    dark = np.array([floor_darkness(floor.raster[0], floor.column0, floor.row0, x, 0.0) for x in at])
     inside = at[dark >= 0.5]
     assert inside.max() - inside.min() == pytest.approx(width, abs=0.0006)
     assert inside.mean() == pytest.approx(0.5, abs=0.0003)
@@ -24,7 +24,7 @@ def test_half_darkness_lies_at_the_line_s_edge(width):
 
 def test_the_whole_line_is_dark_and_far_away_is_white():
     track, floor = _floor(shape="eight")
-    look = lambda x, y: floor_darkness(floor.raster, floor.x0, floor.y0, x, y)  # noqa: E731
+    look = lambda x, y: floor_darkness(floor.raster[0], floor.column0, floor.row0, x, y)  # noqa: E731
     assert min(look(x, y) for x, y in track.line[::7]) > 0.9
     assert look(0.75, 0.0) == 0.0
     assert look(1e6, 0.0) == look(-1e6, 5.0) == look(float("nan"), 0.0) == 0.0
@@ -32,8 +32,10 @@ def test_the_whole_line_is_dark_and_far_away_is_white():
 
 def test_floors_of_a_batch_equal_single_ones():
     tracks = [make_track(TrackConfig(), np.random.default_rng(seed)) for seed in (1, 2)]
-    stack, x0, y0 = draw_floors(tracks, 0.015)
+    both = draw_floors(tracks, 0.015)
     for k, track in enumerate(tracks):
-        for x, y in track.line[::50]:
-            assert floor_darkness(stack[k], x0, y0, x, y) > 0.9
-    assert not np.array_equal(stack[0], stack[1])
+        alone = draw_floors([track], 0.015)
+        for x, y in track.line[::50] + 0.005:
+            seen = floor_darkness(both.raster[k], both.column0, both.row0, x, y)
+            assert seen == floor_darkness(alone.raster[0], alone.column0, alone.row0, x, y)  # to the last bit
+    assert not np.array_equal(both.raster[0], both.raster[1])

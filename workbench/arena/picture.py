@@ -109,9 +109,9 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, points: Floats, normal: F
 
 def _floor_colour(world: World, formation: int, points: Floats) -> Floats:
     """Return the darkness in [0, 1] of floor points, from the raster that the ground sensors read."""
-    raster = world.floor[formation]
-    column = np.round((points[:, 0] - world.x0) / CELL).astype(int)
-    row = np.round((points[:, 1] - world.y0) / CELL).astype(int)
+    raster = world.floor.raster[formation]
+    column = np.round(points[:, 0] / CELL).astype(int) - world.floor.column0
+    row = np.round(points[:, 1] / CELL).astype(int) - world.floor.row0
     inside = (column >= 0) & (column < raster.shape[1]) & (row >= 0) & (row < raster.shape[0])
     dark = np.zeros(len(points))
     dark[inside] = raster[row[inside], column[inside]] / 255.0

@@ -69,7 +69,7 @@ class World:
         model, batch: MuJoCo's own objects, open to every use.
         qpos, ctrl: live (B, nq) and (B, nu) views.
         states: live (B, nstate) rows that hold the whole physics.
-        floor, x0, y0: (B, rows, columns) raster of the line and the place of its first cell.
+        floor: the rasters of the lines, see ``workbench.arena.floor``.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class World:
         self.ctrl: NDArray[np.float64] = self.batch.bind("ctrl")
         self.states: NDArray[np.float64] = self.qpos.base  # qpos is a view of the rows
         assert self.states.shape == (len(tracks), self.batch.nstate)
-        self.floor, self.x0, self.y0 = draw_floors(tracks, line_width_m)
+        self.floor = draw_floors(tracks, line_width_m)
         for formation, track in enumerate(tracks):
             self._line_up(formation, track, spacing_m)
         self._time: NDArray[np.float64] = self.batch.bind("time")

@@ -128,7 +128,7 @@ def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
 def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
     x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
     y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]
-    return ground_reading(floor_darkness(floor, task.x0, task.y0, x, y), k, noise)
+    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), k, noise)
 
 
 class Convoy:
@@ -224,7 +224,7 @@ class Convoy:
             self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
         self._block[...] = _UNUSED
         arrays = (
-            self._task, self.world.qpos, self.world.ctrl, self.world.floor, self._formations, self._robots,
+            self._task, self.world.qpos, self.world.ctrl, self.world.floor.raster, self._formations, self._robots,
             self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
         )  # fmt: skip
         types = tuple(numba.typeof(argument) for argument in (0, *arrays))
@@ -367,7 +367,7 @@ def _task(config: ConvoyConfig, steps: int, world: World) -> NDArray[np.void]:
         "cutoff": learner.trace_cutoff, "buffer": learner.buffer, "schedule": SCHEDULES.index(learner.epsilon_schedule),
         "epsilon": learner.epsilon, "epsilon_final": learner.epsilon_final,
         "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
-        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "x0": world.x0, "y0": world.y0,
+        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "column0": world.floor.column0, "row0": world.floor.row0,
         "wheels": world.wheels, "restart": config.reset == "restart",
     }  # fmt: skip
     for name, value in plain.items():

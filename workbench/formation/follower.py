@@ -34,7 +34,7 @@ TASK = np.dtype(
         ("preset", "i8"), ("terminal_reward", "f8"),
         ("alpha", "f8"), ("beta", "f8"), ("gamma", "f8"), ("lam", "f8"), ("cutoff", "f8"), ("buffer", "i8"),
         ("schedule", "i8"), ("epsilon", "f8"), ("epsilon_final", "f8"), ("epsilon_horizon", "f8"),
-        ("leader_steps", "f8"), ("x0", "f8"), ("y0", "f8"), ("wheels", "i8"), ("restart", "i8"),
+        ("leader_steps", "f8"), ("column0", "i8"), ("row0", "i8"), ("wheels", "i8"), ("restart", "i8"),
     ],
     align=True,
 )  # fmt: skip

@@ -294,7 +294,8 @@ class UpdateBuffer:
 
 def not_finite(step: int, theta: NDArray[np.float64], w: NDArray[np.float64], alpha: float, beta: float) -> str:
     """Return the message for weights that are no longer numbers: step, norms and step sizes."""
-    norm, w_norm = float(np.linalg.norm(theta)), float(np.linalg.norm(w))
+    with np.errstate(all="ignore"):
+        norm, w_norm = float(np.linalg.norm(theta.ravel())), float(np.linalg.norm(w.ravel()))
     return (
         f"learning diverged at update {step}: |theta| = {norm:g}, |w| = {w_norm:g} with alpha = {alpha:g}, "
         f"beta = {beta:g}; lower the step sizes, or gamma * lam"

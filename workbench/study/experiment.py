@@ -63,9 +63,9 @@ class Job:
 
 
 def paper_jobs(*, quick: bool) -> list[Job]:
-    """Return all jobs; quick ones are too short to mean anything and only exercise the code."""
+    """Return all jobs; quick ones, three blocks long, only exercise the code."""
     full = not quick
-    steps, minutes, shift_steps = (1_300_000, 30.0, 100_000) if full else (6_000, 0.5, 2_000)
+    steps, minutes, shift_steps = (1_300_000, 30.0, 100_000) if full else (27_000, 13.0, 27_000)
     seeds = tuple(range(1, 11)) if full else (1, 2)
     base = ConvoyConfig()
     planar = replace(base, drive="planar")

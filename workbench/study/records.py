@@ -19,6 +19,7 @@ from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, STEP, TIMED_O
 from workbench.formation.reset import FOLLOW, LOST
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.statistics import best_block, best_cell, moments
+from workbench.study.storage import plain
 
 SAMPLED = (0.0, 0.01, 0.1, 0.5)  # parts of the run after which a whole block is kept; the last whole one is kept too
 SUMS = (
@@ -129,7 +130,8 @@ def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[
     """Return the numbers of a run as plain values; shares and errors are pooled over the followers.
 
     Keys ending in ``_last_third`` cover the blocks that began in the last third of the run, ``_all_time`` the same share
-    with reset and lost time in the denominator.
+    with reset and lost time in the denominator. A number that no visit decides, such as the errors of a last third without
+    a block, is None.
     """
     late = records["starts"] >= 2 / 3 * length
     whole = _numbers(config, records["visits"], records["sums"])
@@ -138,7 +140,7 @@ def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[
         "share_best_cell", "share_best_3x3", "share_best_3x3_all_time", "share_best_cell_all_time", "losses",
         "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg",
     )  # fmt: skip
-    return (
+    return plain(  # type: ignore[no-any-return]  # a dict of plain values
         {"steps": updates, "seed": config.seed, "followers": config.followers, "drive": config.drive}
         | whole
         | {f"{key}_last_third": third[key] for key in wanted}

@@ -31,7 +31,7 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist; expected an .npz file of a run")
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (ValueError, OSError, EOFError, KeyError) as error:
         raise ValueError(f"{path} is not a readable .npz file: {error}; restore it or run again") from error

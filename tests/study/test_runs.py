@@ -1,0 +1,157 @@
+"""Runs: stored, loaded, continued; kills at random moments; refusals."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.formation.config import ConvoyConfig
+from workbench.learning.config import LearnerConfig
+from workbench.study.runs import evaluate, evaluate_seeds, learn, learn_seeds, load_run
+
+PLANAR = ConvoyConfig(drive="planar")
+
+
+def _files(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_a_run_is_stored_and_loaded_complete(tmp_path):
+    run = learn(PLANAR, steps=4000, out=tmp_path / "run", progress=False)
+    assert sorted(_files(tmp_path / "run")) == ["checkpoint.npz", "config.json", "records.npz", "summary.json", "weights.npz"]
+    back = load_run(tmp_path / "run")
+    assert back.config == PLANAR and back.summary == run.summary and back.kind == "learn"
+    np.testing.assert_array_equal(back.policy.theta, run.policy.theta)
+    np.testing.assert_array_equal(back.w, run.w)
+    assert back.visits.shape == (4, 9, 9) and back.visits.sum() == 4000
+    run.save(tmp_path / "copy")
+    for name in ("config.json", "records.npz", "summary.json", "weights.npz"):
+        assert _files(tmp_path / "copy")[name] == _files(tmp_path / "run")[name]
+
+
+def test_the_summary_has_the_keys_that_others_rely_on():
+    summary = learn(PLANAR, steps=500, progress=False).summary
+    wanted = "steps share_best_cell share_best_3x3 share_best_3x3_last_third losses losses_last_third rms_distance_mm "
+    wanted += "bearing_std_deg bearing_mean_deg share_best_cell_all_time share_best_3x3_all_time"
+    assert set(wanted.split()) <= set(summary)
+    assert "wall_s" not in summary  # clocks stay out of stored runs
+
+
+def test_existing_folders_are_refused_and_left_alone(tmp_path):
+    (tmp_path / "note.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match="already has something in it; choose another folder, or resume"):
+        learn(PLANAR, steps=100, out=tmp_path, progress=False)
+    run = learn(PLANAR, steps=100, progress=False)
+    with pytest.raises(FileExistsError):
+        run.save(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
+    run.save(tmp_path, overwrite=True)
+    assert load_run(tmp_path).summary == run.summary
+
+
+def test_seeds_in_a_batch_are_stored_as_the_runs_that_they_would_be_alone(tmp_path):
+    batch = learn_seeds(PLANAR, [4, 2], steps=3000, out=tmp_path / "batch", progress=False)
+    alone = learn(PLANAR.with_seed(2), steps=3000, out=tmp_path / "alone", progress=False)
+    assert batch[1].summary == alone.summary
+    for name in ("config.json", "records.npz", "summary.json", "weights.npz"):
+        assert (tmp_path / "batch" / "seed-2" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+    again = learn_seeds(PLANAR, [4, 2], steps=3000, out=tmp_path / "batch", resume=True, progress=False)
+    assert [run.summary for run in again] == [run.summary for run in batch]
+
+
+def test_continuing_another_request_is_refused(tmp_path):
+    learn(PLANAR, steps=1000, out=tmp_path / "run", progress=False)
+    with pytest.raises(ValueError, match=r"was started with length = 1000, this run asks for 2000"):
+        learn(PLANAR, steps=2000, out=tmp_path / "run", resume=True, progress=False)
+    with pytest.raises(ValueError, match=r"was started with config = "):
+        learn(replace(PLANAR, reward="alive"), steps=1000, out=tmp_path / "run", resume=True, progress=False)
+
+
+def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
+    with pytest.raises(FileNotFoundError, match="holds no run: config.json is missing"):
+        load_run(tmp_path / "nowhere")
+    learn(PLANAR, steps=1000, out=tmp_path / "run", progress=False)
+    summary = (tmp_path / "run" / "summary.json").read_bytes()
+    (tmp_path / "run" / "summary.json").unlink()
+    with pytest.raises(FileNotFoundError, match="is not complete; continue it with resume=True"):
+        load_run(tmp_path / "run")
+    (tmp_path / "run" / "summary.json").write_bytes(summary)
+    (tmp_path / "run" / "weights.npz").write_bytes(b"PK nonsense")
+    with pytest.raises(ValueError, match=r"weights.npz is"):
+        load_run(tmp_path / "run")
+    (tmp_path / "run" / "config.json").write_text('{"schema": 99}')
+    with pytest.raises(ValueError, match="is not a run of schema 1"):
+        load_run(tmp_path / "run")
+
+
+def test_evaluation_is_greedy_frozen_and_checked(tmp_path):
+    run = learn(PLANAR, steps=20_000, progress=False)
+    judged = evaluate(run.policy, replace(PLANAR, seed=9), minutes=2, out=tmp_path / "judged", progress=False)
+    assert judged.summary["steps"] == 0 and judged.kind == "evaluate"
+    assert judged.summary["simulated_minutes"] == pytest.approx(2)
+    np.testing.assert_array_equal(judged.policy.theta, run.policy.theta)
+    assert load_run(tmp_path / "judged").summary == judged.summary
+    pair = evaluate_seeds([run.policy] * 2, PLANAR, [3, 9], minutes=2, progress=False)
+    assert pair[1].summary == judged.summary
+    with pytest.raises(ValueError, match=r"distance_edges of the policy are .*, of the configuration"):
+        evaluate(run.policy, replace(PLANAR, state_tiles=(5, 9)), progress=False)
+    with pytest.raises(ValueError, match="left_steps of the policy"):
+        evaluate(run.policy, replace(PLANAR, wheel_speed_mps=(0.02, 0.09)), progress=False)
+    with pytest.raises(ValueError, match="the policy has 4 tables, the convoy 2 followers"):
+        evaluate(run.policy, replace(PLANAR, followers=2), progress=False)
+    with pytest.raises(ValueError, match="minutes = 0"):
+        evaluate(run.policy, PLANAR, minutes=0, progress=False)
+    with pytest.raises(ValueError, match="1 policies for 2 seeds"):
+        evaluate_seeds([run.policy], PLANAR, [1, 2], progress=False)
+
+
+def test_learning_can_start_from_a_policy():
+    run = learn(PLANAR, steps=20_000, progress=False)
+    warm = learn(PLANAR.with_seed(7), steps=4000, policy=run.policy, progress=False)
+    cold = learn(PLANAR.with_seed(7), steps=4000, progress=False)
+    assert warm.summary["losses"] < 0.6 * cold.summary["losses"]
+
+
+def test_bad_requests_are_refused():
+    for steps in (0, -3, 1.5, True):
+        with pytest.raises(ValueError, match=f"steps = {steps}"):
+            learn(PLANAR, steps=steps, progress=False)
+
+
+def test_divergence_stops_the_run_and_names_the_seed():
+    config = replace(PLANAR, learner=LearnerConfig(alpha=1.0, eta=100.0, lam=0.0, gamma=0.9))
+    with pytest.raises(FloatingPointError, match=r"seed 1: learning diverged at update \d+: \|theta\| = .*alpha = 1"):
+        learn(config, steps=200_000, progress=False)
+
+
+_CHILD = """
+import sys
+from workbench.formation.config import ConvoyConfig
+from workbench.study.runs import learn
+learn(ConvoyConfig(drive="planar", followers=2), steps=120_000, out=sys.argv[1], resume=True, progress=False, checkpoint_s=0)
+"""
+
+
+@pytest.mark.slow
+def test_twenty_kills_at_random_moments_end_with_the_same_bytes(tmp_path):
+    whole = tmp_path / "whole"
+    begun = time.monotonic()
+    subprocess.run([sys.executable, "-c", _CHILD, str(whole)], check=True)
+    duration = time.monotonic() - begun
+    wanted = _files(whole)
+    chance = random.Random(0)
+    for kill in range(20):
+        folder = tmp_path / f"kill{kill}"
+        child = subprocess.Popen([sys.executable, "-c", _CHILD, str(folder)], start_new_session=True)
+        time.sleep(chance.uniform(0.1, 0.95) * duration)  # also before the run exists, and in the middle of a write
+        if child.poll() is None:
+            os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+        subprocess.run([sys.executable, "-c", _CHILD, str(folder)], check=True)
+        assert _files(folder) == wanted, f"kill {kill} changed the result"

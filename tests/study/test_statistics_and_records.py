@@ -1,0 +1,107 @@
+"""Shares, intervals and summaries by hand-computed numbers."""
+
+import math
+
+import numpy as np
+import pytest
+
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.follower import LOSS, STEP
+from workbench.formation.reset import LOST, TURN
+from workbench.study.records import SUMS, Recorder, sampled_blocks, summarise
+from workbench.study.statistics import best_block, best_cell, interval, moments, share_of_block
+
+
+def test_best_cell_and_block_by_hand():
+    visits = np.zeros((5, 5))
+    visits[1, 1], visits[2, 2], visits[3, 3], visits[0, 4] = 5, 10, 4, 1
+    assert best_cell(visits) == (0.5, (2, 2))
+    assert best_block(visits) == (0.95, (1, 1))  # 5 + 10 + 4 of 20
+    assert share_of_block(visits, (0, 2)) == pytest.approx(11 / 20)
+    assert best_block(np.ones((2, 5))) == (0.6, (0, 0))  # a grid lower than the block
+    assert best_cell(np.zeros((3, 3)))[0] == 0.0
+    with pytest.raises(ValueError, match=r"visits have shape \(4, 9, 9\)"):
+        best_cell(np.zeros((4, 9, 9)))
+
+
+def test_interval_covers_the_mean_and_needs_two_seeds():
+    values = np.array([1.0, 2.0, 3.0, 4.0])
+    mean, low, high = interval(values)
+    assert mean == 2.5 and 1.0 <= low < 2.5 < high <= 4.0
+    assert interval(values) == (mean, low, high)  # its own generator: no global chance
+    assert interval([3.0, 3.0, 3.0]) == (3.0, 3.0, 3.0)
+    with pytest.raises(ValueError, match="1 values have no interval"):
+        interval([1.0])
+
+
+def test_interval_has_about_its_stated_coverage():
+    rng = np.random.default_rng(0)
+    hits = [low <= 0 <= high for _, low, high in (interval(rng.normal(size=20), seed=k) for k in range(200))]
+    assert 0.88 <= np.mean(hits) <= 0.98  # a percentile bootstrap of 20 values is a little short of 95 %
+
+
+def test_moments_by_hand():
+    # values 1, 2, 6: mean 3, RMS sqrt(41/3), variance 41/3 - 9
+    mean, std, rms = moments(3, 9, 41)
+    assert (mean, rms) == (3.0, math.sqrt(41 / 3)) and std == pytest.approx(math.sqrt(41 / 3 - 9))
+    assert all(math.isnan(value) for value in moments(0, 0, 0))
+
+
+def _block(length, **fields):
+    block = np.zeros((length, 2), STEP)
+    block["state"] = -1
+    for name, values in fields.items():
+        block[name][:, 1] = values
+    return block
+
+
+def test_summary_by_hand():
+    config = ConvoyConfig(followers=1)
+    recorder = Recorder(config, 6)
+    # 4 visits: three in the optimum's tile, one to its right; then a loss, and two periods away, one of them lost
+    recorder.add(
+        _block(
+            6, state=[40, 40, 40, 39, -1, -1], event=[0, 0, 0, LOSS, 0, 0], phase=[0, 0, 0, TURN, TURN, LOST],
+            distance_error=[0.003, -0.003, 0.001, 0.005, 0, 0], bearing=np.radians([0, 2, 0, -6, 0, 0]),
+            reward=[-1, -1, -1, -5, 0, 0],
+        ),
+        0,
+    )  # fmt: skip
+    numbers = summarise(config, 6, 4, recorder.records())
+    assert numbers["share_best_cell"] == 0.75 and numbers["share_best_3x3"] == 1.0
+    assert numbers["share_best_cell_all_time"] == pytest.approx(0.75 * 4 / 6)
+    assert numbers["share_best_3x3_all_time"] == pytest.approx(4 / 6)
+    assert numbers["best_cell"] == [4, 4] and numbers["losses"] == 1
+    assert numbers["rms_distance_mm"] == pytest.approx(math.sqrt((9 + 9 + 1 + 25) / 4), rel=1e-6)
+    assert numbers["bearing_mean_deg"] == pytest.approx(-1.0, rel=1e-6)
+    assert numbers["bearing_std_deg"] == pytest.approx(math.sqrt((1 + 9 + 1 + 25) / 4), rel=1e-6)
+    assert numbers["mean_reward"] == -2.0
+    assert numbers["share_of_time_away"] == pytest.approx(0.5)
+    assert numbers["simulated_minutes"] == pytest.approx(0.01)
+
+
+def test_the_last_third_is_counted_apart():
+    config = ConvoyConfig(followers=1)
+    recorder = Recorder(config, 30)
+    for start, state in ((0, 0), (10, 0), (20, 40)):
+        recorder.add(_block(10, state=[state] * 10), start)
+    numbers = summarise(config, 30, 30, recorder.records())
+    assert numbers["best_cell"] == [0, 0] and numbers["share_best_cell"] == pytest.approx(2 / 3)
+    assert numbers["share_best_cell_last_third"] == 1.0
+
+
+def test_sampled_blocks_are_the_stated_ones_and_survive_saving_and_loading():
+    config = ConvoyConfig(followers=1)
+    recorder, twin = Recorder(config, 1000), Recorder(config, 1000)
+    for start in range(0, 1000, 100):
+        recorder.add(_block(10 if start < 900 else 3, left=start), start)
+        if start == 400:
+            twin.load(recorder.records())
+        elif start > 400:
+            twin.add(_block(10 if start < 900 else 3, left=start), start)
+    blocks = sampled_blocks(recorder.records())
+    assert [start for start, _ in blocks] == [0, 100, 200, 500, 800]  # 0, 1 %, 10 %, 50 %, and the last whole one
+    assert all(block[0, 1]["left"] == start and len(block) == 10 for start, block in blocks)
+    for name, array in recorder.records().items():
+        assert array.tobytes() == twin.records()[name].tobytes(), name
+    assert recorder.records()["sums"].shape == (10, 1, len(SUMS))
