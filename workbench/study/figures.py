@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from workbench import fields, paths
 from workbench.study.runs import Run
 from workbench.study.storage import read_json, write_json
+from workbench.study.style import style
 
 MANIFEST = "manifest.json"
 _VERSIONS = ("workbench", "matplotlib", "mujoco", "numba", "numpy", "pandas", "scipy")
@@ -136,7 +137,8 @@ def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> li
 def _draw(fig: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
-    fig.savefig(buffer, format=kind, metadata=metadata)
+    with style():  # also fixes the salt of SVG's identifiers: without it they are random
+        fig.savefig(buffer, format=kind, metadata=metadata)
     return buffer.getvalue()
 
 

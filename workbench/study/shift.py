@@ -33,6 +33,17 @@ def shift_table(runs: Mapping[str, Sequence[Run]]) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=names)
 
 
+def inward_bearing(runs: Mapping[str, Sequence[Run]], reward: str) -> NDArray[np.float64]:
+    """Return the mean bearing (deg) towards the inside of the loop in the last third, one value per run on a circle."""
+    signs = {"clockwise": -1.0, "anticlockwise": 1.0}
+    values = [
+        sign * run.summary["bearing_mean_deg_last_third"]
+        for track, sign in signs.items()
+        for run in runs[f"shift/{track}/{reward}"]
+    ]
+    return np.array(values)
+
+
 def settled(runs: Mapping[str, Sequence[Run]]) -> pd.DataFrame:
     """Return one line per seed on a circle: where follower 1 settled, from the last whole block of the run.
 

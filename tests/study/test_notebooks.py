@@ -1,0 +1,46 @@
+"""Every notebook runs in quick mode from a clean kernel, and is stored with outputs and without noise."""
+
+import json
+import re
+
+import nbformat
+import pytest
+
+from workbench import paths
+from workbench.study.notebooks import execute, normalise
+
+NOTEBOOKS = sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # Jupyter's own: zmq on a loopback port, event loop policies
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_runs_quickly_from_top_to_bottom(path):
+    stored = path.read_bytes()
+    execute(path, store=False)
+    assert path.read_bytes() == stored
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_stored_notebook_has_every_output_and_no_noise(path):
+    notebook = nbformat.read(path, as_version=4)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert all(cell.execution_count == number + 1 for number, cell in enumerate(code))
+    assert sum(bool(cell.outputs) for cell in code) >= len(code) - 3  # imports and parameters print nothing
+    for cell in code:
+        assert len(cell.source.splitlines()) <= 15
+        assert all(out.get("name") != "stderr" and out.output_type != "error" for out in cell.outputs)
+    text = json.dumps(notebook)
+    assert not re.search(r"(/home/|/root/|/tmp/|/work/|[A-Z]:\\\\Users)", text)
+    assert "parameters" in code[1].metadata.get("tags", [])
+    assert normalise(nbformat.from_dict(json.loads(text))) == notebook
+
+
+def test_a_failing_notebook_is_named(tmp_path):
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1 / 0")])
+    nbformat.write(notebook, tmp_path / "99_bad.ipynb")
+    with pytest.raises(RuntimeError, match="99_bad.ipynb"):
+        execute(tmp_path / "99_bad.ipynb", store=True)
+
+
+test_a_failing_notebook_is_named = pytest.mark.filterwarnings("default")(test_a_failing_notebook_is_named)

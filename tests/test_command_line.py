@@ -1,0 +1,92 @@
+"""The command line and the package as a user meets them."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import workbench as wb
+from workbench.__main__ import main
+
+FAST = ["--drive", "planar", "--followers", "2", "--steps", "3000"]
+
+
+def _run(*arguments):
+    command = [sys.executable, "-W", "error", "-m", "workbench", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_learn_evaluate_and_resume_print_one_json_object_last(tmp_path, capsys):
+    out = str(tmp_path / "run")
+    assert main(["learn", *FAST, "--seed", "3", "--out", out, "--set", "learner.alpha=0.2", "--set", "reward=alive"]) == 0
+    learned = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert learned["steps"] == 3000 and learned["seed"] == 3 and learned["wall_s"] > 0
+    run = wb.load_run(out)
+    assert run.config.learner.alpha == 0.2 and run.config.reward == "alive" and run.config.followers == 2
+    assert main(["learn", "--resume", "--out", out]) == 0  # complete: shown again, nothing is learned
+    again = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {**again, "wall_s": 0} == {**learned, "wall_s": 0}
+    assert main(["evaluate", out, "--minutes", "1", "--seed", "2", "--drive", "wheels"]) == 0
+    judged = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {"losses", "rms_distance_mm", "bearing_std_deg", "share_best_3x3"} <= set(judged)
+    assert judged["drive"] == "wheels" and judged["simulated_minutes"] == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["learn", "--out", "x", "--steps", "0"], "steps = 0; expected a whole number, at least 1"),
+        (["learn", "--out", "x", "--drive", "hover"], "ConvoyConfig.drive = 'hover'; expected one of 'wheels', 'planar'"),
+        (["learn", "--out", "x", "--set", "learner.alpha=2"], "LearnerConfig.alpha = 2; expected a number from 1e-09 to 1"),
+        (["learn", "--out", "x", "--set", "alpha"], "--set 'alpha'; expected NAME=VALUE"),
+        (["learn", "--out", "x", "--set", "seed.x=1"], "'seed' has no parts"),
+        (["evaluate", "nowhere"], "nowhere holds no run"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(arguments, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error and "\n" not in error
+    assert list(tmp_path.iterdir()) == []  # nothing half-written
+
+
+def test_help_explains_units_and_fields():
+    text = _run("learn", "--help").stdout
+    for words in ("Units:", "motor steps/s", "learner.alpha", "leader_speed_mps = 0.06: constant speed of the leader"):
+        assert words in text
+
+
+def test_import_is_light_and_works_without_a_graphics_library():
+    code = "import sys, workbench; print([m for m in ('cv2', 'ipywidgets', 'OpenGL') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_no_opengl_library_is_loaded_by_learning_and_drawing():
+    code = (
+        "import workbench as wb; import numpy as np; run = wb.learn(wb.ConvoyConfig(drive='planar'), steps=50, progress=False); "
+        "wb.picture(wb.still_world(run.config, run.records['samples'][0]), width=16, height=12); "
+        "print([line for line in open('/proc/self/maps') if 'libEGL' in line or 'libGL' in line or 'libOSMesa' in line])"
+    )
+    done = subprocess.run([sys.executable, "-W", "error::UserWarning", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_public_surface_is_small_and_sorted_out():
+    names = [name for name in vars(wb) if not name.startswith("_") and name not in ("arena", "fields", "formation", "learning")]
+    names = [name for name in names if name not in ("paths", "robot", "study")]
+    assert 15 < len(names) < 40
+    assert all(getattr(wb, name).__doc__ for name in names)
+
+
+def test_the_readme_s_example_runs():
+    text = (wb.paths.ROOT / "README.md").read_text(encoding="utf-8")
+    example = text.split("```python\n")[1].split("```")[0]
+    assert len(example.strip().splitlines()) <= 12
+    quick = example.replace("1_300_000", "3_000").replace("minutes=30", "minutes=1").replace("runs/mine", "unused")
+    scope: dict[str, object] = {}
+    exec(compile(quick.replace("run.save", "str"), "README example", "exec"), scope)  # noqa: S102
+    assert scope["run"].summary["steps"] == 3_000  # type: ignore[attr-defined]
