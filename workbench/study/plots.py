@@ -51,9 +51,9 @@ def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: A
     share = counts / max(counts.sum(), 1)
     distance, bearing = _edges(config)
     ax.set_facecolor(NEVER)
-    norm = LogNorm(1e-7, 1.0)
+    norm = LogNorm(1e-6, 1.0)
     mesh = ax.pcolormesh(
-        bearing, distance, np.ma.masked_equal(share, 0), cmap="cividis", norm=norm, edgecolors="white", linewidth=0.6
+        bearing, distance, np.ma.masked_equal(share, 0), cmap="viridis", norm=norm, edgecolors="white", linewidth=0.6
     )
     for i, row in enumerate(share):
         for j, value in enumerate(row):
@@ -64,9 +64,7 @@ def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: A
                     va="center", fontsize=6.5, color="white" if dark else "black",
                 )  # fmt: skip
     bar = ax.figure.colorbar(mesh, ax=ax, label="share of visits (log scale; grey: never)")
-    bar.set_ticks(
-        [10.0**k for k in range(-7, 1)], labels=["0.00001 %", "0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"]
-    )
+    bar.set_ticks([10.0**k for k in range(-6, 1)], labels=["0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
     bar.ax.minorticks_off()
     _tile_axes(ax, config)
     ax.set_title(label, loc="left", fontsize=8.5)

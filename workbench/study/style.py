@@ -1,6 +1,6 @@
 """The look of all figures: one rc context, colours and small helpers.
 
-Colour-blind safe cycle (Okabe and Ito), repeated by markers; cividis and a log scale for counts; zero visits in a distinct
+Colour-blind safe cycle (Okabe and Ito), repeated by markers; viridis on a log scale for counts; zero visits in a distinct
 light grey.
 """
 
@@ -23,7 +23,7 @@ RC: Any = {
     "font.size": 9.5, "axes.labelsize": 9.5, "axes.titlesize": 10, "legend.fontsize": 8.5,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": INK, "axes.labelcolor": INK,
     "xtick.color": INK, "ytick.color": INK, "text.color": INK, "legend.frameon": False, "lines.linewidth": 1.6,
-    "axes.prop_cycle": cycler(color=CYCLE), "image.cmap": "cividis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
+    "axes.prop_cycle": cycler(color=CYCLE), "image.cmap": "viridis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
 }  # fmt: skip
 
 
