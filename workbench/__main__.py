@@ -48,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--drive", help="wheels or planar (default: the run's)")
     evaluate.add_argument("--seed", type=int, help="evaluation seed (default: the run's)")
     evaluate.add_argument("--out", help="store the evaluation in this folder")
+    evaluate.add_argument("--resume", action="store_true", help="continue the interrupted evaluation in --out")
     evaluate.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="any field, value as JSON")
 
     verbs.add_parser("bench", help="measure speed against bare MuJoCo, and memory")
@@ -74,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             result = _figures(flags)
             code = 1 if flags.check and result["changed_files"] else 0
-    except (ValueError, TypeError, OSError, FloatingPointError, RuntimeError) as error:
+    except (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     result["wall_s"] = round(time.perf_counter() - begun, 1)
@@ -107,7 +108,7 @@ def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
     asked = {"drive": flags.drive, "seed": flags.seed}
     given = {name: value for name, value in asked.items() if value is not None}
     config = _configure(fields.to_dict(run.config), given, flags.set)
-    return dict(runs.evaluate(run.policy, config, minutes=flags.minutes, out=flags.out).summary)
+    return dict(runs.evaluate(run.policy, config, minutes=flags.minutes, out=flags.out, resume=flags.resume).summary)
 
 
 def _figures(flags: argparse.Namespace) -> dict[str, Any]:

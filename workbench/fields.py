@@ -22,7 +22,6 @@ Contract: a configuration is immutable; vary it with ``dataclasses.replace``. ``
 import dataclasses
 import difflib
 import functools
-import math
 import numbers
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar, dataclass_transform
@@ -47,9 +46,9 @@ def _number(value: object, low: float, high: float, expected: str, whole: bool) 
     kind = numbers.Integral if whole else numbers.Real
     if isinstance(value, bool) or not isinstance(value, kind):
         raise _Wrong(expected, wrong_type=True)
-    number = int(value) if whole else float(value)  # type: ignore[call-overload]  # kind was checked above
-    if not math.isfinite(number) or not low <= number <= high:
+    if not low <= value <= high:  # type: ignore[operator]  # before converting: it may be too large for a float; NaN fails too
         raise _Wrong(expected, wrong_type=False)
+    number = int(value) if whole else float(value)  # type: ignore[call-overload]  # kind was checked above
     return number
 
 

@@ -37,7 +37,7 @@ class TrackConfig:
     """The line on the floor."""
 
     shape: str = choice(("circle", "stadium", "eight"), "form of the nominal loop", default="circle")
-    radius_m: float = real(0.15, 20.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5)
+    radius_m: float = real(0.15, 5.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5)
     direction: str = choice(("clockwise", "anticlockwise"), "driving direction (of the eight's first lobe)", default="clockwise")
     judder: str = choice(("spectrum", "replan", "none"), "how the line deviates from the nominal loop", default="spectrum")
     judder_rms_m: float = real(0.0, 0.02, "m", "RMS lateral offset of the line", default=0.004)
@@ -167,6 +167,11 @@ def _judder(config: TrackConfig, s: Floats, length: float, rng: np.random.Genera
     short, long = config.wavelengths_m
     if config.judder == "spectrum":
         harmonics = np.arange(math.ceil(length / long), math.floor(length / short) + 1)
+        if not harmonics.size:
+            raise ValueError(
+                f"TrackConfig.wavelengths_m = {config.wavelengths_m!r}: no harmonic of a loop of {length:.2f} m lies in this "
+                "band; widen it, or enlarge radius_m"
+            )
         phases = rng.uniform(0.0, 2 * math.pi, harmonics.size)
         offset = np.zeros_like(s)
         for harmonic, phase in zip(harmonics, phases, strict=True):

@@ -66,6 +66,16 @@ class ConvoyConfig:
                 f"ConvoyConfig.leader_speed_mps = {self.leader_speed_mps!r}; followers can only keep pace if it lies "
                 f"within wheel_speed_mps = {self.wheel_speed_mps!r}"
             )
+        if self.sight_m < self.distance_m[1]:
+            raise ValueError(
+                f"ConvoyConfig.sight_m = {self.sight_m!r}; expected at least the terminal distance {self.distance_m[1]!r} m: a "
+                "predecessor that is followed must be in sight"
+            )
+        if self.middle_m > self.track.radius_m:
+            raise ValueError(
+                f"ConvoyConfig.distance_m = {self.distance_m!r} asks for d* = {self.middle_m:g} m on a track with radius_m = "
+                f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
+            )
         self.grid()  # refuses an even number of logarithmic cells and inner cells wider than the range
 
     @property

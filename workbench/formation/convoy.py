@@ -11,9 +11,9 @@ Chance: one SeedSequence per formation with named children (track, sensor, polic
 >>> int(convoy.updates[0]), block.shape
 (50, (1, 2500, 2))
 
-Contract: the block is the same array at every call, (B, BLOCK, followers + 1) of type STEP, robot 0 the leader; copy what
-you keep. Steps after a formation has finished have phase -1. ``state`` between blocks is everything: ``load`` continues
-as if never stopped.
+Contract: arrays are written, never replaced. The block is the same array at every call, (B, BLOCK, followers + 1) of type
+STEP, robot 0 the leader; copy what you keep. Steps after a formation has finished have phase -1. ``state`` between blocks is
+everything: ``load`` continues as if never stopped.
 """
 
 import json
@@ -163,7 +163,7 @@ class Convoy:
             raise ValueError("seeds is empty; expected at least one seed")
         if steps < 0 or (steps == 0 and not periods):
             raise ValueError(f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1")
-        self.config, self.seeds = config, tuple(seeds)
+        self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
         self._rngs = [_children(seed) for seed in seeds]
         tracks = [_track(config, rng["track"]) for rng in self._rngs]
@@ -182,7 +182,8 @@ class Convoy:
         self._formations["last_period"] = limit
         self._robots = np.zeros((count, n + 1), FOLLOWER)
         self._robots["state"] = -1
-        self._robots["memory"] = -1.0 if config.track.direction == "clockwise" else 1.0
+        self._first_memory = -1.0 if config.track.direction == "clockwise" else 1.0
+        self._robots["memory"] = self._first_memory
         if self.weights.shape[1] > 1:
             self._robots["table"][:, 1:] = np.arange(n)
         if steps:
@@ -192,7 +193,16 @@ class Convoy:
         self._task = _task(config, steps, self.world)
         self._chance = np.zeros((count, BLOCK, 3 + n))
         self._sensor, self._policy = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n))
-        self._block = np.zeros((count, BLOCK, n + 1), STEP)
+        self._block = np.full((count, BLOCK, n + 1), _UNUSED)
+        arrays = (
+            self._task, self.world.qpos, self.world.ctrl, self.world.floor.raster, self._formations, self._robots,
+            self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
+        )  # fmt: skip
+        types = tuple(numba.typeof(argument) for argument in (0, *arrays))
+        control_step.compile(types)
+        # the compiled function for exactly these types: numba's look-up at every call would cost as much as the call
+        self._act_all = control_step.overloads[types].entry_point  # type: ignore[attr-defined]  # a named tuple
+        self._arrays = arrays
 
     @property
     def updates(self) -> NDArray[np.int64]:
@@ -222,27 +232,21 @@ class Convoy:
             rng["sensor"].standard_normal(out=self._sensor)
             rng["policy"].random(out=self._policy)
             self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
-        self._block[...] = _UNUSED
-        arrays = (
-            self._task, self.world.qpos, self.world.ctrl, self.world.floor.raster, self._formations, self._robots,
-            self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
-        )  # fmt: skip
-        types = tuple(numba.typeof(argument) for argument in (0, *arrays))
-        control_step.compile(types)
-        # the compiled function for exactly these types: numba's look-up at every call would cost as much as the call
-        act_all = control_step.overloads[types].entry_point  # type: ignore[attr-defined]  # a named tuple
+        before = self.periods.copy()
+        act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
         step, running = self.world.batch.step, self._running()
         for t in range(BLOCK):
             flags = act_all(t, *arrays)
             if flags:
-                self._attend(flags)
+                self._attend(flags, t)
                 running = self._running()
                 if self.finished:
                     break
-            step(running, nstep=self.world.substeps)
-        for b, formation in enumerate(self._formations):
-            if not formation["done"]:
-                self.world.check(b, int(formation["periods"]))
+            step(running, nstep=substeps)
+        for b, done in enumerate(self.periods - before):
+            self._block[b, done:] = _UNUSED
+            if done:  # a formation that has just finished took no step after its last commands
+                self.world.check(b, int(self.periods[b]) - int(self._formations["done"][b]))
         return self._block
 
     def state(self) -> dict[str, NDArray[np.generic]]:
@@ -283,7 +287,7 @@ class Convoy:
         done = self._formations["done"]
         return np.flatnonzero(done == 0) if np.any(done) else None
 
-    def _attend(self, flags: int) -> None:
+    def _attend(self, flags: int, t: int) -> None:
         if flags & DIVERGED:
             for b, seed in enumerate(self.seeds):
                 if not np.all(np.isfinite(self.weights[b])):
@@ -295,6 +299,8 @@ class Convoy:
             raise FloatingPointError("a temporal-difference error is not finite; lower the step sizes")
         for b in np.flatnonzero(self._formations["restart"]).tolist():
             self.world.restart(b)
+            self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
+            self._robots[b, 0]["memory"] = self._first_memory
             for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
                 robot["phase"], robot["timer"] = FOLLOW, 0
@@ -315,6 +321,10 @@ class Convoy:
             raise ValueError(
                 f"policy has shape {np.shape(policy)}; this convoy needs (tables, {expected[0]} states, {expected[1]} actions), "
                 f"or one such array for each of {count} seeds"
+            )
+        if self._learning and tables == 1 and given.shape[1] != 1:
+            raise ValueError(
+                f"policy has {given.shape[1]} tables and weights = {config.weights!r} learns one; give a policy of one table"
             )
         if given.shape[1] not in (1, config.followers):
             raise ValueError(f"policy has {given.shape[1]} tables; expected 1, or one for each of {config.followers} followers")

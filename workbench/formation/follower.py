@@ -101,7 +101,7 @@ def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: 
     )  # fmt: skip
     follower.decay = gamma * task.lam
     finite = math.isfinite(follower.delta) and math.isfinite(w_e) and math.isfinite(weights[0, phi[0]])
-    if gamma == 0.0:
+    if follower.w_next < 0:
         begin_episode(follower, trace_ids)
     return finite
 
@@ -138,6 +138,7 @@ def act(
         (left, right, finite): commands in whole steps/s; False where learning diverged.
     """
     step.state, step.action, step.event = -1, -1, 0
+    step.distance_error, step.bearing, step.reward = 0.0, 0.0, 0.0
     finite = True
     e_d = distance - task.middle
     if follower.phase != FOLLOW:

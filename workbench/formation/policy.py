@@ -13,6 +13,7 @@ them and refuses to drive anything else.
 Contract: a policy is immutable; its arrays are read-only copies.
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
@@ -82,6 +83,14 @@ class Policy:
                 f"the policy has {self.theta.shape[0]} tables, the convoy {config.followers} followers; expected one table "
                 "for all, or one each"
             )
+
+    def sha256(self) -> str:
+        """Return a hash of everything that the policy holds."""
+        digest = hashlib.sha256()
+        for field in fields(self):
+            array = getattr(self, field.name)
+            digest.update(f"{field.name}{array.shape}".encode() + array.tobytes())
+        return digest.hexdigest()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return the policy as plain arrays, for a file."""

@@ -27,7 +27,7 @@ class LearnerConfig:
 
     def _check(self) -> None:
         exploring = self.epsilon if self.epsilon_schedule == "constant" else max(self.epsilon, self.epsilon_final)
-        if self.gamma * self.lam >= 1.0 - exploring:
+        if self.gamma * self.lam >= 1.0 - exploring and self.gamma * self.lam > 0:
             raise ValueError(
                 f"LearnerConfig: gamma * lam = {self.gamma * self.lam:g} with epsilon = {exploring:g} lets the trace grow "
                 f"without bound on greedy steps (ρ up to 1/(1 - ε)); expected gamma * lam < {1 - exploring:g}: "
@@ -38,3 +38,9 @@ class LearnerConfig:
                 f"LearnerConfig.epsilon_final = {self.epsilon_final!r} and epsilon = {self.epsilon!r}; an exponential "
                 "schedule never reaches 0: expected both above 0, or epsilon_schedule='linear'"
             )
+
+
+PRESETS = {  # named settings of the learner (requirement L3); "default" is what our trials found best
+    "default": LearnerConfig(),
+    "aykin-2015-like": LearnerConfig(lam=0.6, gamma=0.8, alpha=1 / (5 * 441)),
+}

@@ -84,12 +84,12 @@ class GQ:
             outcome, interest: z_{t+1} and I_t.
 
         Raises:
+            ValueError: a feature index out of range, or not one value per index.
             FloatingPointError: the update is not finite; the message has step number, weight norm and step sizes.
         """
         self._n, self.delta, w_e = gq_update(
             self._theta, self._w, self._index, self._value, self._slot, self._n,
-            np.asarray(phi[0], np.int64), np.asarray(phi[1], np.float64),
-            np.asarray(phi_bar[0], np.int64), np.asarray(phi_bar[1], np.float64),
+            *self._features("phi", phi), *self._features("phi_bar", phi_bar),
             float(reward), float(outcome), float(interest), float(rho),
             self._decay, float(gamma), float(lam), self.alpha, self.beta, self.cutoff,
         )  # fmt: skip
@@ -98,6 +98,15 @@ class GQ:
         touched = self._theta[self._index[: self._n]]
         if not (np.isfinite(self.delta) and np.isfinite(w_e) and np.all(np.isfinite(touched))):
             raise FloatingPointError(not_finite(self.steps, self._theta, self._w, self.alpha, self.beta))
+
+    def _features(self, name: str, pairs: tuple[ArrayLike, ArrayLike]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return checked index and value arrays: the kernel itself checks nothing."""
+        index, value = np.asarray(pairs[0], np.int64).ravel(), np.asarray(pairs[1], np.float64).ravel()
+        if index.size != value.size:
+            raise ValueError(f"{name} has {index.size} indices and {value.size} values; expected one value per index")
+        if index.size and not (0 <= index.min() and index.max() < self._theta.size):
+            raise ValueError(f"{name} indices are {index.tolist()}; the learner has features 0 to {self._theta.size - 1}")
+        return index, value
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -143,13 +152,15 @@ class GQ:
                 given, expected = _plain(state[name]), own[name]  # type: ignore[assignment]
             if given != expected:
                 raise ValueError(f"state[{name!r}] is {given!r}, this learner has {expected!r}; load into an equal learner")
-        index = np.asarray(state["trace_index"], np.int32)
+        index, value = self._features("trace", (state["trace_index"], state["trace_value"]))  # type: ignore[arg-type]
+        if np.unique(index).size != index.size:
+            raise ValueError(f"trace_index holds a feature twice: {index.tolist()}")
         self._theta[:] = np.asarray(state["theta"], np.float64).ravel()
         self._w[:] = np.asarray(state["w"], np.float64).ravel()
         self.begin_episode()
         self._n = index.size
         self._index[: self._n] = index
-        self._value[: self._n] = np.asarray(state["trace_value"], np.float64)
+        self._value[: self._n] = value
         self._slot[index] = np.arange(self._n)
         self._decay = float(np.asarray(state["decay"]))
         self.steps = int(np.asarray(state["steps"]))

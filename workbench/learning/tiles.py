@@ -176,5 +176,5 @@ def _check_range(lo: float, hi: float, n: int) -> None:
         raise ValueError(f"lo = {lo!r}, hi = {hi!r}; expected two finite numbers")
     if lo >= hi:
         raise ValueError(f"lo = {lo!r}, hi = {hi!r}; expected lo < hi")
-    if n != int(n) or n < 1:
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
         raise ValueError(f"n = {n!r}; expected a whole number of cells, at least 1")

@@ -6,7 +6,7 @@
 * "shift/TRACK/REWARD": what moves the visits sideways (E3): a circle in both directions and a figure-eight, under three
   rewards, 100 000 updates on the planar drive; seeds 1 to 10.
 
-Runs are kept in runs/ under a name that depends on everything that they depend on, sources included; what is there is
+Runs are kept in runs/.cache/ under a name that depends on everything that they depend on, sources included; what is there is
 loaded and what is missing is run, on all cores, one process per core.
 """
 
@@ -114,8 +114,8 @@ def fingerprint(jobs: list[Job]) -> str:
 def _cache(jobs: list[Job], quick: bool) -> Path:
     """Return the folder of these runs, and remove those of older sources."""
     prefix = "quick-" if quick else "paper-"
-    folder = paths.RUNS / f"{prefix}{fingerprint(jobs)}"
-    for old in paths.RUNS.glob(f"{prefix}*"):
+    folder = paths.RUNS / ".cache" / f"{prefix}{fingerprint(jobs)}"  # its own place: nobody else's runs are there
+    for old in folder.parent.glob(f"{prefix}*"):
         if old != folder:
             shutil.rmtree(old)
     folder.mkdir(parents=True, exist_ok=True)

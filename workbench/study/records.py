@@ -27,6 +27,7 @@ SUMS = (
     "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost",
 )  # fmt: skip
 _EVENTS = (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)
+RECORDS = ("starts", "sums", "visits", "samples", "sample_lengths", "sample_starts")
 Records = dict[str, NDArray[Any]]
 
 

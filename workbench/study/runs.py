@@ -12,6 +12,7 @@ from its last checkpoint and ends with the same bytes as one that never stopped.
 Contract: one seed gives the same run alone or in a batch of seeds, at any number of threads.
 """
 
+import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,10 +30,12 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.progress import Progress, report
-from workbench.study.records import Recorder, Records, summarise
+from workbench.study.records import RECORDS, Recorder, Records, summarise
 from workbench.study.storage import read_json, read_npz, remove_temporaries, write_json, write_npz
 
 SCHEMA = 1
+FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
+REQUEST = ("kind", "length", "policy_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
 
 
@@ -79,7 +82,10 @@ class Run:
         if not overwrite:
             _refuse_existing(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(folder / "config.json", _header(self.kind, self.config, self.length))
+        for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
+            (folder / name).unlink(missing_ok=True)
+        started = self.policy if self.kind == "evaluate" else None
+        write_json(folder / "config.json", _header(self.kind, self.config, self.length, started))
         _store(self, folder)
 
 
@@ -110,7 +116,8 @@ def learn(
         OSError: a checkpoint could not be written; the last good one is kept.
     """
     folders = [Path(out)] if out is not None else None
-    batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policy, folders)
+    policies = [policy] if policy is not None else None
+    batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policies, folders)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
 
 
@@ -132,14 +139,23 @@ def learn_seeds(
 
 
 def evaluate(
-    policy: Policy, config: ConvoyConfig, *, minutes: float = 30.0, out: str | Path | None = None, progress: Progress = True
+    policy: Policy,
+    config: ConvoyConfig,
+    *,
+    minutes: float = 30.0,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = True,
 ) -> Run:
     """Let all followers exploit a policy greedily, without learning, for a simulated time.
 
     Raises:
         ValueError: the policy's tiles or actions are not the configuration's.
+        FileExistsError: ``out`` has something in it and resume is False.
     """
-    return evaluate_seeds([policy], config, [config.seed], minutes=minutes, out=out, progress=progress)[0]
+    folder = Path(out) if out is not None else None
+    batch = _evaluation([policy], config, [config.seed], minutes, [folder] if folder else None)
+    return batch.run(folder, resume, progress, CHECKPOINT_S)[0]
 
 
 def evaluate_seeds(
@@ -153,25 +169,35 @@ def evaluate_seeds(
     progress: Progress = True,
     threads: int = 0,
 ) -> list[Run]:
-    """Evaluate policies[k] greedily with seeds[k], as one batch of formations; arguments as ``evaluate``.
+    """Evaluate policies[k] greedily with seeds[k], as one batch of formations; each run in ``out``/seed-N.
 
     Raises:
         ValueError: a policy does not fit the configuration, or the numbers of policies and seeds differ.
     """
+    folder = Path(out) if out is not None else None
+    folders = [folder / f"seed-{seed}" for seed in seeds] if folder else None
+    batch = _evaluation(policies, config, seeds, minutes, folders, threads)
+    return batch.run(folder, resume, progress, CHECKPOINT_S)
+
+
+def _evaluation(
+    policies: Sequence[Policy],
+    config: ConvoyConfig,
+    seeds: Sequence[int],
+    minutes: float,
+    folders: list[Path] | None,
+    threads: int = 0,
+) -> "_Batch":
     if len(policies) != len(seeds):
         raise ValueError(f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed")
     for policy in policies:
         policy.check(config)
+    if len({policy.theta.shape for policy in policies}) > 1:
+        raise ValueError("the policies have different numbers of tables; evaluate them in separate batches")
     if not 0 < minutes <= 1e6:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
-    periods = round(minutes * 60 / CONTROL_PERIOD)
-    single = len(seeds) == 1 and not resume
-    folder = Path(out) if out is not None else None
-    folders = None
-    if folder is not None:
-        folders = [folder] if single else [folder / f"seed-{seed}" for seed in seeds]
-    batch = _Batch("evaluate", config, tuple(seeds), _positive("periods", periods), policies, folders, threads)
-    return batch.run(folder, resume, progress, CHECKPOINT_S)
+    periods = _positive("periods", round(minutes * 60 / CONTROL_PERIOD))
+    return _Batch("evaluate", config, tuple(seeds), periods, list(policies), folders, threads)
 
 
 def load_run(path: str | Path) -> Run:
@@ -187,7 +213,10 @@ def load_run(path: str | Path) -> Run:
     if not (folder / "summary.json").is_file():
         raise FileNotFoundError(f"{folder} is not complete; continue it with resume=True, or --resume on the command line")
     header = _read_header(folder)
-    weights = read_npz(folder / "weights.npz")
+    weights, records = read_npz(folder / "weights.npz"), read_npz(folder / "records.npz")
+    lacking = sorted({"w", "updates"} - set(weights)) + sorted(set(RECORDS) - set(records))
+    if lacking:
+        raise ValueError(f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again")
     return Run(
         kind=header["kind"],
         config=fields.from_dict(ConvoyConfig, header["config"]),
@@ -195,7 +224,7 @@ def load_run(path: str | Path) -> Run:
         updates=int(weights["updates"]),
         policy=Policy.from_arrays(weights),
         w=weights["w"],
-        records=read_npz(folder / "records.npz"),
+        records=records,
     )
 
 
@@ -214,16 +243,23 @@ class _Batch:
         config: ConvoyConfig,
         seeds: tuple[int, ...],
         length: int,
-        policy: Policy | Sequence[Policy] | None,
+        policies: list[Policy] | None,
         folders: list[Path] | None,
         threads: int = 0,
     ) -> None:
         self.kind, self.length, self.folders, self.threads = kind, length, folders, threads
         self.config, self.seeds = config, seeds
         self.configs = [config.with_seed(seed) for seed in seeds]
-        self.policies = policy
-        if isinstance(policy, Policy):
+        self.policies = policies
+        for policy in policies or []:
             policy.check(config)
+        if folders is not None and len(set(seeds)) < len(seeds):
+            raise ValueError(f"seeds = {list(seeds)}; each may occur once where runs are stored in folders named after them")
+
+    def headers(self) -> list[dict[str, Any]]:
+        """Return what each run's config.json says: everything that its result depends on."""
+        given: list[Policy | None] = list(self.policies) if self.policies else [None] * len(self.seeds)
+        return [_header(self.kind, config, self.length, policy) for config, policy in zip(self.configs, given, strict=True)]
 
     def run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
         if self.folders is not None and folder is not None:
@@ -234,20 +270,23 @@ class _Batch:
         convoy = self._convoy()
         recorders = [Recorder(config, self.length) for config in self.configs]
         checkpoint = folder / "checkpoint.npz" if folder is not None else None
+        request = json.dumps([{key: header[key] for key in REQUEST} for header in self.headers()], sort_keys=True)
         if resume and checkpoint is not None and checkpoint.is_file():
-            _load_checkpoint(checkpoint, convoy, recorders)
+            _load_checkpoint(checkpoint, convoy, recorders, request)
         done = int(self._done(convoy).sum())
         with report(
             progress, self.length * len(self.seeds), self.kind, done, " updates" if self.kind == "learn" else " periods"
         ) as tell:
-            self._loop(convoy, recorders, checkpoint, checkpoint_s, tell)
+            self._loop(convoy, recorders, checkpoint, request, checkpoint_s, tell)
         runs = self._results(convoy, recorders)
         if self.folders is not None:
             for run, place in zip(runs, self.folders, strict=True):
                 _store(run, place)
         return runs
 
-    def _loop(self, convoy: Convoy, recorders: list[Recorder], checkpoint: Path | None, checkpoint_s: float, tell: Any) -> None:
+    def _loop(
+        self, convoy: Convoy, recorders: list[Recorder], checkpoint: Path | None, request: str, checkpoint_s: float, tell: Any
+    ) -> None:
         saved = time.monotonic()
         while not convoy.finished:
             before = self._done(convoy).copy()
@@ -258,7 +297,7 @@ class _Batch:
             tell(int((self._done(convoy) - before).sum()))
             due = time.monotonic() - saved >= checkpoint_s or convoy.finished
             if checkpoint is not None and due:
-                _save_checkpoint(checkpoint, convoy, recorders)
+                _save_checkpoint(checkpoint, convoy, recorders, request)
                 saved = time.monotonic()
 
     def _done(self, convoy: Convoy) -> NDArray[np.int64]:
@@ -266,11 +305,7 @@ class _Batch:
 
     def _convoy(self) -> Convoy:
         learning = self.kind == "learn"
-        given = None
-        if isinstance(self.policies, Policy):
-            given = self.policies.theta
-        elif self.policies is not None:
-            given = np.stack([policy.theta for policy in self.policies])
+        given = np.stack([policy.theta for policy in self.policies]) if self.policies else None
         return Convoy(
             self.config, self.seeds, steps=self.length if learning else 0, periods=None if learning else self.length,
             policy=given, threads=self.threads,
@@ -284,7 +319,7 @@ class _Batch:
             if self.kind == "learn" and updates < self.length:
                 raise RuntimeError(
                     f"seed {config.seed}: only {updates} of {self.length} learning updates in {int(convoy.periods[b])} control "
-                    "periods; the followers were lost most of the time, see records for when"
+                    "periods; the followers were lost most of the time: check bounds, speeds and sight_m"
                 )
             policy = Policy.of(config, theta)
             runs.append(Run(self.kind, config, self.length, updates, policy, w, recorders[b].records()))
@@ -294,34 +329,35 @@ class _Batch:
         assert self.folders is not None
         if resume:
             self._check_request()
+            for place in {folder, *self.folders}:
+                _refuse_strangers(place, [other.name for other in self.folders if other != folder])
         else:
             _refuse_existing(folder)
-        for config, place in zip(self.configs, self.folders, strict=True):
+        for header, place in zip(self.headers(), self.folders, strict=True):
             place.mkdir(parents=True, exist_ok=True)
-            remove_temporaries(place)
             if not (place / "config.json").is_file():
-                write_json(place / "config.json", _header(self.kind, config, self.length))
-        remove_temporaries(folder)
+                write_json(place / "config.json", header)
+        for place in {folder, *self.folders}:
+            remove_temporaries(place, FILES)
 
     def _check_request(self) -> None:
         """Refuse to continue a folder that was started with another request."""
         assert self.folders is not None
-        for config, place in zip(self.configs, self.folders, strict=True):
+        for wanted, place in zip(self.headers(), self.folders, strict=True):
             if not (place / "config.json").is_file():
                 continue
             header = _read_header(place)
-            wanted = _header(self.kind, config, self.length)
-            different = [key for key in ("kind", "length", "config") if header[key] != _plain_json(wanted[key])]
-            if different:
-                key = different[0]
-                raise ValueError(
-                    f"{place} was started with {key} = {header[key]!r}, this run asks for {wanted[key]!r}; "
-                    "continue with the same request, or choose another folder"
-                )
+            for key in REQUEST:
+                if header[key] != json.loads(json.dumps(wanted[key])):
+                    raise ValueError(
+                        f"{place} was started with {key} = {header[key]!r}, this run asks for {wanted[key]!r}; "
+                        "continue with the same request, or choose another folder"
+                    )
 
 
-def _save_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder]) -> None:
-    arrays: dict[str, NDArray[Any]] = {f"convoy.{name}": array for name, array in convoy.state().items()}
+def _save_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder], request: str) -> None:
+    arrays: dict[str, NDArray[Any]] = {"request": np.array(request)}
+    arrays |= {f"convoy.{name}": array for name, array in convoy.state().items()}
     for b, recorder in enumerate(recorders):
         arrays |= {f"recorder{b}.{name}": array for name, array in recorder.records().items()}
     try:
@@ -333,8 +369,13 @@ def _save_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder]) -> N
         ) from error
 
 
-def _load_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder]) -> None:
+def _load_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder], request: str) -> None:
     arrays = read_npz(path)
+    if str(arrays.get("request")) != request:
+        raise ValueError(
+            f"{path} belongs to another request (seeds, their order, configuration, length or policy differ); continue with "
+            "the same request, or choose another folder"
+        )
 
     def under(prefix: str) -> dict[str, NDArray[Any]]:
         return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
@@ -351,28 +392,30 @@ def _store(run: Run, folder: Path) -> None:
     write_json(folder / "summary.json", run.summary)
 
 
-def _header(kind: str, config: ConvoyConfig, length: int) -> dict[str, Any]:
+def _header(kind: str, config: ConvoyConfig, length: int, policy: Policy | None) -> dict[str, Any]:
     versions = {name: version(name) for name in ("workbench", "mujoco", "numba", "numpy")}
     return {
         "schema": SCHEMA, "kind": kind, "length": length, "unit": "updates" if kind == "learn" else "control periods",
+        "policy_sha256": policy.sha256() if policy is not None else None,  # what it started from, or followed
         "config": fields.to_dict(config), "versions": versions,
     }  # fmt: skip
 
 
 def _read_header(folder: Path) -> dict[str, Any]:
     header = read_json(folder / "config.json")
-    if not isinstance(header, dict) or header.get("schema") != SCHEMA:
-        raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}; it was written by another version")
+    if not isinstance(header, dict) or header.get("schema") != SCHEMA or not set(REQUEST) <= set(header):
+        raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}: it is damaged or of another version")
     return header
 
 
-def _plain_json(value: Any) -> Any:
-    """Return a value as it comes back from JSON."""
-    if isinstance(value, dict):
-        return {key: _plain_json(entry) for key, entry in value.items()}
-    if isinstance(value, tuple):
-        return [_plain_json(entry) for entry in value]
-    return value
+def _refuse_strangers(folder: Path, runs: list[str]) -> None:
+    """Refuse to continue in a folder that holds anything but a run's files (or the runs of a batch)."""
+    known = {*FILES, *(f"{name}.tmp" for name in FILES), *runs}
+    strangers = sorted(path.name for path in folder.iterdir() if path.name not in known) if folder.is_dir() else []
+    if strangers:
+        raise FileExistsError(
+            f"{folder} holds {', '.join(strangers[:5])}, which belongs to no run of this request; choose another folder"
+        )
 
 
 def _refuse_existing(folder: Path) -> None:

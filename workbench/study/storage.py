@@ -7,7 +7,7 @@ untouched. Nothing is pickled. Equal contents give equal bytes.
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -72,10 +72,10 @@ def plain(value: Any) -> Any:
     return value
 
 
-def remove_temporaries(folder: Path) -> None:
-    """Delete what interrupted writes left in a folder."""
-    for leftover in folder.glob(f"*{_TEMPORARY}"):
-        leftover.unlink()
+def remove_temporaries(folder: Path, names: Sequence[str]) -> None:
+    """Delete what interrupted writes of the named files left in a folder."""
+    for name in names:
+        (folder / (name + _TEMPORARY)).unlink(missing_ok=True)
 
 
 def _write(path: Path, fill: Callable[[BinaryIO], object]) -> None:
