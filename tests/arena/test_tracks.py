@@ -62,6 +62,11 @@ def test_spectrum_judder_lies_in_its_band_only():
     np.testing.assert_allclose(power[inside], power[inside].mean(), rtol=1e-6)  # flat
 
 
+def test_a_band_without_a_harmonic_is_refused():
+    with pytest.raises(ValueError, match=r"wavelengths_m = \(1.6, 2.0\): no harmonic of a loop of 3.14 m lies in this band"):
+        _track(wavelengths_m=(1.6, 2.0))
+
+
 def test_replanned_judder_is_made_of_plateaus():
     track = _track(judder="replan", seed=2)
     flat = np.abs(np.roll(track.offset, -1) - track.offset) < 1e-9

@@ -53,7 +53,8 @@ def test_restart_goes_back_to_the_start_and_keeps_the_clock():
     world.check(0, 5)
 
 
-def test_unstable_physics_is_an_error():
+def test_unstable_physics_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs its warning into the working directory
     world = World(1, _tracks(1), drive="wheels", spacing_m=0.15)
     world.step()
     world.check(0, 1)

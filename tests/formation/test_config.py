@@ -9,7 +9,7 @@ import pytest
 from workbench import fields
 from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
-from workbench.learning.config import LearnerConfig
+from workbench.learning.config import PRESETS, LearnerConfig
 
 CONFIGS = (ConvoyConfig, TrackConfig, LearnerConfig)
 EVERY = [(cls, field) for cls in CONFIGS for field in dataclasses.fields(cls)]
@@ -29,7 +29,7 @@ def _out_of_range(field):
         whole = isinstance(default[0], int)
         bad = [(10**9, 10**9), (-(10**9), 1), default[:1], (*default, default[0])]
         return bad if whole else [*bad, (math.nan, default[1]), (default[0], math.inf)]
-    return [10**30, -(10**30)] + ([] if isinstance(default, int) else [math.nan, math.inf])
+    return [10**30, -(10**30), 10**400] + ([] if isinstance(default, int) else [math.nan, math.inf])
 
 
 @pytest.mark.parametrize(("cls", "field"), EVERY, ids=lambda part: getattr(part, "name", getattr(part, "__name__", "")))
@@ -69,6 +69,8 @@ def test_unknown_names_are_refused_with_the_valid_ones(cls):
         (lambda: ConvoyConfig(drive="weels"), "did you mean 'wheels'"),
         (lambda: TrackConfig(wavelengths_m=(0.3, 0.1)), "shortest < longest"),
         (lambda: LearnerConfig(gamma=0.999, lam=1.0), "gamma \\* lam = 0.999 with epsilon = 0.05"),
+        (lambda: ConvoyConfig(sight_m=0.1), "sight_m = 0.1; expected at least the terminal distance 0.22 m"),
+        (lambda: ConvoyConfig(distance_m=(0.3, 1.0)), "enlarge track.radius_m"),
         (lambda: LearnerConfig(epsilon_schedule="exponential", epsilon_final=0.0), "expected both above 0"),
     ],
 )  # fmt: skip
@@ -95,6 +97,16 @@ def test_configs_are_frozen_documented_and_numbers_become_plain():
     assert "leader_speed_mps = 0.06: constant speed of the leader; a number from 0.005 to 0.12 m/s" in ConvoyConfig.__doc__
     assert type(ConvoyConfig(leader_speed_mps=0.05).leader_speed_mps) is float
     assert ConvoyConfig(state_tiles=[5, 5]).state_tiles == (5, 5)
+
+
+def test_exploring_always_is_legal_without_a_trace():
+    assert LearnerConfig(epsilon=1.0, lam=0.0).epsilon == 1.0
+
+
+def test_learner_presets_are_named_and_legal():
+    assert PRESETS["default"] == LearnerConfig()
+    like = PRESETS["aykin-2015-like"]
+    assert (like.lam, like.gamma, like.alpha) == (0.6, 0.8, 1 / 2205)
 
 
 def test_both_presets_of_the_paper_have_their_sizes():

@@ -92,6 +92,15 @@ def test_restart_puts_the_whole_simulation_back_at_every_loss():
     for t in lost[:-1]:
         np.testing.assert_allclose([row[t + 1][axis] for axis in ("x", "y")], start, atol=0.012)  # one period of driving
     assert np.all(row[:, 1:]["phase"][lost[:-1] + 1] == FOLLOW)
+    assert not row["left"][lost[:-1]].any()  # the commands of that moment never ran
+
+
+def test_unstable_physics_is_noticed_also_in_the_last_block(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs its warning into the working directory
+    convoy = Convoy(PLANAR, (1,), steps=800)
+    convoy.world.qpos[0, 0] = np.nan
+    with pytest.raises(RuntimeError, match="physics of formation 0 became unstable"):
+        convoy.run_block()
 
 
 def test_both_presets_of_the_paper_and_alternatives_run():
@@ -182,6 +191,10 @@ def test_still_world_puts_robots_where_the_records_have_them():
         (lambda: Convoy(PLANAR, (1,), steps=-1), "steps = -1"),
         (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((1, 81, 48))), "81 states, 49 actions"),
         (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((3, 81, 49))), "policy has 3 tables; expected 1, or one"),
+        (
+            lambda: Convoy(replace(PLANAR, weights="shared"), (1,), steps=9, policy=np.zeros((4, 81, 49))),
+            "policy has 4 tables and weights = 'shared' learns one",
+        ),
         (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.full((1, 81, 49), np.nan)), "not finite"),
     ],
 )  # fmt: skip

@@ -119,6 +119,12 @@ def test_sparse_trace_with_a_tiny_cut_off_stays_within_rounding_of_the_full_one(
         (lambda: _learner().update(0, 0, 0.0, -1, rho=1.0), "state -1"),
         (lambda: _learner().update(0, 0, float("nan"), 1, rho=1.0), "reward = nan"),
         (lambda: _learner().update(0, 0, 0.0, 1, rho=-0.5), "rho = -0.5"),
+        (
+            lambda: GQ(3, 0.1).learn(([5], [1.0]), 0.0, ([], []), gamma=0, lam=0, rho=1),
+            r"phi indices are \[5\]; .* features 0 to 2",
+        ),
+        (lambda: GQ(3, 0.1).learn(([0], [1.0]), 0.0, ([-1], [1.0]), gamma=0, lam=0, rho=1), r"phi_bar indices are \[-1\]"),
+        (lambda: GQ(3, 0.1).learn(([0, 1], [1.0]), 0.0, ([], []), gamma=0, lam=0, rho=1), "phi has 2 indices and 1 values"),
         (lambda: _learner().act(0, np.random.default_rng(0), epsilon=1.5), "epsilon = 1.5"),
     ],
 )
@@ -165,6 +171,10 @@ def test_a_state_of_another_learner_is_refused_and_changes_nothing():
         learner.load(other.state())
     with pytest.raises(ValueError, match=r"state\['gamma'\] is 0.5"):
         learner.load(GreedyGQ(6, 3, alpha=0.1, beta=0.01, gamma=0.5, lam=0.7).state())
+    for broken in (np.array([99]), np.array([0, 0])):
+        bad = learner.state() | {"trace_index": broken, "trace_value": np.ones(broken.size)}
+        with pytest.raises(ValueError, match="trace"):
+            learner.load(bad | {"theta": before + 1})
     with pytest.raises(ValueError, match="state lacks"):
         learner.load({"theta": before})
     np.testing.assert_array_equal(learner.theta, before)

@@ -170,7 +170,7 @@ def test_baird_star_q_learning_diverges_and_greedy_gq_does_not():
     assert run(0.01, 0.0, 0.0, 20000) > 10_000
 
 
-@pytest.mark.parametrize(("beta", "lam"), [(0.0, 0.0), (0.005, 0.0), (0.005, 0.1)])
+@pytest.mark.parametrize(("beta", "lam"), [(0.0, 0.0), (0.005, 0.0), (0.5, 0.0), (0.5, 0.1)])
 def test_random_walk_reaches_the_published_values(beta, lam):
     rng = np.random.default_rng(3)
     expected = np.array([0.271334, 0.430689, 0.567347, 0.715970, 0.893312])

@@ -70,6 +70,7 @@ def test_grid_counts_the_last_tiling_fastest_and_knows_centres_and_bounds():
         (lambda: Tiling.uniform(2.0, 1.0, 3), "expected lo < hi"),
         (lambda: Tiling.uniform(0.0, 1.0, 0), "n = 0; expected a whole number of cells, at least 1"),
         (lambda: Tiling.uniform(0.0, 1.0, 2.5), "n = 2.5"),
+        (lambda: Tiling.uniform(0.0, 1.0, math.nan), "n = nan"),
         (lambda: Tiling.uniform(math.nan, 1.0, 3), "lo = nan"),
         (lambda: Tiling.uniform(0.0, math.inf, 3), "hi = inf"),
         (lambda: Tiling.logarithmic(0.0, 1.0, 3), "need lo > 0"),

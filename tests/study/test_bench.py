@@ -13,10 +13,14 @@ def test_bare_physics_reproduces_the_recorded_block_exactly(drive):
     loop = bench._Loop(replace(ConvoyConfig(), drive=drive))
     loop.turn()  # raises if the replay ends anywhere else
     assert len(loop.full) == len(loop.bare) == 1
-    loop.convoy.world.qpos[0, 0] += 1e-12
-    state = loop.convoy.world.states[0].copy()
-    assert state[1] != 0
-    loop.turn()
+
+
+def test_a_replay_that_ends_elsewhere_is_an_error(monkeypatch):
+    loop = bench._Loop(replace(ConvoyConfig(), drive="planar"))
+    controls = loop._controls
+    monkeypatch.setattr(loop, "_controls", lambda block: controls(block) * 1.000001)
+    with pytest.raises(RuntimeError, match="bare physics did not reproduce the recorded run"):
+        loop.turn()
 
 
 def test_bench_reports_all_numbers(monkeypatch):

@@ -73,6 +73,33 @@ def test_continuing_another_request_is_refused(tmp_path):
         learn(replace(PLANAR, reward="alive"), steps=1000, out=tmp_path / "run", resume=True, progress=False)
 
 
+def test_a_batch_continues_only_what_it_began(tmp_path):
+    learn_seeds(PLANAR, [1, 2], steps=1000, out=tmp_path / "batch", progress=False)
+    for seeds in ([3, 4], [2, 1], [1, 2, 3]):
+        with pytest.raises((ValueError, FileExistsError), match="another request|belongs to no run"):
+            (tmp_path / "batch" / "seed-1" / "summary.json").unlink(missing_ok=True)
+            learn_seeds(PLANAR, seeds, steps=1000, out=tmp_path / "batch", resume=True, progress=False)
+    with pytest.raises(ValueError, match="each may occur once"):
+        learn_seeds(PLANAR, [7, 7], steps=1000, out=tmp_path / "twice", progress=False)
+
+
+def test_the_policy_is_part_of_the_request(tmp_path):
+    one, two = (learn(PLANAR.with_seed(seed), steps=1000, progress=False).policy for seed in (1, 2))
+    evaluate(one, PLANAR, minutes=0.5, out=tmp_path / "judged", progress=False)
+    with pytest.raises(ValueError, match="was started with policy_sha256"):
+        evaluate(two, PLANAR, minutes=0.5, out=tmp_path / "judged", resume=True, progress=False)
+    learn(PLANAR, steps=1000, policy=one, out=tmp_path / "warm", progress=False)
+    with pytest.raises(ValueError, match="was started with policy_sha256"):
+        learn(PLANAR, steps=1000, out=tmp_path / "warm", resume=True, progress=False)
+
+
+def test_resume_leaves_other_people_s_folders_alone(tmp_path):
+    (tmp_path / "thesis.tmp").write_text("chapter 1")
+    with pytest.raises(FileExistsError, match=r"holds thesis.tmp, which belongs to no run"):
+        learn(PLANAR, steps=100, out=tmp_path, resume=True, progress=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tmp"]
+
+
 def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
     with pytest.raises(FileNotFoundError, match="holds no run: config.json is missing"):
         load_run(tmp_path / "nowhere")
@@ -84,6 +111,13 @@ def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
     (tmp_path / "run" / "summary.json").write_bytes(summary)
     (tmp_path / "run" / "weights.npz").write_bytes(b"PK nonsense")
     with pytest.raises(ValueError, match=r"weights.npz is"):
+        load_run(tmp_path / "run")
+    learn(PLANAR, steps=1000, out=tmp_path / "other", progress=False)
+    np.savez(tmp_path / "other" / "records.npz", starts=np.zeros(1))
+    with pytest.raises(ValueError, match="the stored run lacks sample_lengths, sample_starts, samples, sums, visits"):
+        load_run(tmp_path / "other")
+    (tmp_path / "run" / "config.json").write_text('{"schema": 1}')
+    with pytest.raises(ValueError, match="is not a run of schema 1"):
         load_run(tmp_path / "run")
     (tmp_path / "run" / "config.json").write_text('{"schema": 99}')
     with pytest.raises(ValueError, match="is not a run of schema 1"):
@@ -133,25 +167,39 @@ def test_divergence_stops_the_run_and_names_the_seed():
 _CHILD = """
 import sys
 from workbench.formation.config import ConvoyConfig
-from workbench.study.runs import learn
-learn(ConvoyConfig(drive="planar", followers=2), steps=120_000, out=sys.argv[1], resume=True, progress=False, checkpoint_s=0)
+from workbench.study.runs import learn_seeds
+config = ConvoyConfig(drive=sys.argv[2], followers=2)
+learn_seeds(config, [1, 2], steps=int(sys.argv[3]), out=sys.argv[1], resume=True, progress=False, checkpoint_s=0)
 """
 
 
+def _tree(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
 @pytest.mark.slow
-def test_twenty_kills_at_random_moments_end_with_the_same_bytes(tmp_path):
-    whole = tmp_path / "whole"
+@pytest.mark.parametrize(("drive", "steps", "kills"), [("planar", 100_000, 16), ("wheels", 18_000, 4)])
+def test_kills_at_random_moments_end_with_the_same_bytes(tmp_path, drive, steps, kills):
+    def start(folder):
+        command = [sys.executable, "-c", _CHILD, str(folder), drive, str(steps)]
+        return subprocess.Popen(command, start_new_session=True)
+
+    assert start(tmp_path / "warm-up").wait() == 0  # compiles, so that the next one takes its usual time
     begun = time.monotonic()
-    subprocess.run([sys.executable, "-c", _CHILD, str(whole)], check=True)
+    assert start(tmp_path / "whole").wait() == 0
     duration = time.monotonic() - begun
-    wanted = _files(whole)
+    wanted = _tree(tmp_path / "whole")
+    assert len(wanted) == 9
     chance = random.Random(0)
-    for kill in range(20):
+    struck = 0
+    for kill in range(kills):
         folder = tmp_path / f"kill{kill}"
-        child = subprocess.Popen([sys.executable, "-c", _CHILD, str(folder)], start_new_session=True)
-        time.sleep(chance.uniform(0.1, 0.95) * duration)  # also before the run exists, and in the middle of a write
+        child = start(folder)
+        time.sleep(chance.uniform(0.05, 1.0) * duration)  # also before the run exists, and in the middle of a write
         if child.poll() is None:
             os.killpg(child.pid, signal.SIGKILL)
         child.wait()
-        subprocess.run([sys.executable, "-c", _CHILD, str(folder)], check=True)
-        assert _files(folder) == wanted, f"kill {kill} changed the result"
+        struck += (folder / "checkpoint.npz").is_file() and not (folder / "seed-2" / "summary.json").is_file()
+        assert start(folder).wait() == 0
+        assert _tree(folder) == wanted, f"kill {kill} changed the result"
+    assert struck >= kills // 4, f"only {struck} of {kills} kills struck a run between two checkpoints"

@@ -90,7 +90,7 @@ def circle_geometry(radius_m: float, distance_m: float) -> tuple[NDArray[np.floa
     A follower at radius r behind a predecessor at R, at distance d and heading along its own circle, sees it at the
     inward bearing asin((r² + d² - R²) / 2rd): from 0 at r = √(R² - d²) to asin(d / 2R) at r = R.
     """
-    radius = np.linspace(0.91 * radius_m, 1.1 * radius_m, 200)
+    radius = np.linspace(0.88 * radius_m, 1.1 * radius_m, 200)
     inward = np.arcsin((radius**2 + distance_m**2 - radius_m**2) / (2 * radius * distance_m))
     return np.degrees(inward), radius
 
@@ -111,7 +111,7 @@ def circle_following(
     keep = math.degrees(math.asin(distance_m / (2 * leader_radius_m)))
     cut = math.sqrt(leader_radius_m**2 - distance_m**2)
     for place, text, shift in (((keep, leader_radius_m), "keep the circle", (-82, -3)), ((0.0, cut), "cut in", (10, -4))):
-        ax.plot(place[0], 1000 * place[1], "x", color="black", markersize=8, markeredgewidth=2)
+        ax.plot(place[0], 1000 * place[1], "x", color="black", markersize=8, markeredgewidth=2, zorder=5)
         ax.annotate(text, (place[0], 1000 * place[1]), xytext=shift, textcoords="offset points", fontsize=8.5)
     for number, name in enumerate(bearing_deg):
         ax.plot(

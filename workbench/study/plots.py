@@ -154,23 +154,25 @@ def intervals_by_case(
 
 
 def value_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the learned value of every state under the greedy policy, max over actions of θ."""
+    """Draw the learned value of every state under the greedy policy, max over actions of θ.
+
+    States whose best action was never updated (θ still θ₀) are left grey: their value is not learned.
+    """
     ax = ax or new_axes(5.6, 4.4)
     distance, bearing = _edges(config)
-    values = policy.theta[table].max(axis=1).reshape(config.state_tiles)
+    best = policy.theta[table].max(axis=1).reshape(config.state_tiles)
+    values = np.ma.masked_equal(best, config.learner.theta0)
+    ax.set_facecolor(NEVER)
     mesh = ax.pcolormesh(bearing, distance, values, cmap="viridis", edgecolors="white", linewidth=0.4)
     ax.figure.colorbar(mesh, ax=ax, label="value of the state, max over actions of θ")
     _tile_axes(ax, config)
     return ax
 
 
-def policy_map(
-    policy: Policy, config: ConvoyConfig, *, table: int = 0, visited: ArrayLike | None = None, ax: Axes | None = None
-) -> Axes:
+def policy_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes | None = None) -> Axes:
     """Draw the greedy action of every state: colour is forward speed, the arrow leans to the side it turns to.
 
-    Args:
-        visited: (distance tiles, bearing tiles) counts; states never visited are left grey.
+    States whose greedy action was never updated (θ still θ₀) are left grey: what they would do next is not learned.
     """
     ax = ax or new_axes(5.6, 4.4)
     distance, bearing = _edges(config)
@@ -180,7 +182,7 @@ def policy_map(
         for levels, part in zip((policy.left_steps, policy.right_steps), divmod(greedy, len(policy.right_steps)), strict=True)
     )
     speed, turn = np.array([twist(float(a), float(b)) for a, b in zip(left, right, strict=True)]).T
-    seen = np.ones(config.state_tiles, bool) if visited is None else np.asarray(visited) > 0
+    seen = (policy.theta[table].max(axis=1) != config.learner.theta0).reshape(config.state_tiles)
     ax.set_facecolor(NEVER)
     shown = np.ma.masked_where(~seen, 1000 * speed.reshape(config.state_tiles))
     span = 1000 * np.array(config.wheel_speed_mps)

@@ -80,6 +80,15 @@ def per_block(runs: Sequence[Run]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
+def smoothed(blocks: pd.DataFrame, columns: Sequence[str], *, width: int) -> pd.DataFrame:
+    """Return the blocks with a running mean over ``width`` blocks (fewer at the start) of some columns, run by run."""
+    result = blocks.copy()
+    for column in columns:
+        runs = blocks.groupby(["drive", "seed"], sort=False)[column]
+        result[column] = runs.transform(lambda values: values.rolling(width, min_periods=1).mean())
+    return result
+
+
 def losses_before(run: Run, part: float) -> float:
     """Return the share of a run's losses that fall into its first part (by updates)."""
     losses: NDArray[np.float64] = run.records["sums"][:, :, SUMS.index("losses")].sum(axis=1)
