@@ -97,7 +97,8 @@ def test_restart_puts_the_whole_simulation_back_at_every_loss():
 
 def test_unstable_physics_is_noticed_also_in_the_last_block(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo logs its warning into the working directory
-    convoy = Convoy(PLANAR, (1,), steps=800)
+    convoy = Convoy(PLANAR, (1,), periods=BLOCK + 300)
+    convoy.run_block()
     convoy.world.qpos[0, 0] = np.nan
     with pytest.raises(RuntimeError, match="physics of formation 0 became unstable"):
         convoy.run_block()
