@@ -31,7 +31,7 @@ def test_stored_notebook_has_every_output_and_no_noise(path):
         assert len(cell.source.splitlines()) <= 15
         assert all(out.get("name") != "stderr" and out.output_type != "error" for out in cell.outputs)
     text = json.dumps(notebook)
-    assert not re.search(r"(/home/|/root/|/tmp/|/work/|[A-Z]:\\\\Users)", text)
+    assert not re.search(r"(/(home|root|tmp|work)/|[A-Z]:\\\\Users)", text)
     assert "parameters" in code[1].metadata.get("tags", [])
     assert normalise(nbformat.from_dict(json.loads(text))) == notebook
 
