@@ -36,7 +36,17 @@ SHIFT_TRACKS = {
 }
 SHIFT_REWARDS = ("quadratic", "absolute", "distance")
 _COST = {"wheels": 10, "planar": 1}  # relative time of one control period, for the progress bar only
-_SOURCES = ("learning", "robot", "arena", "formation", "study/runs.py", "study/records.py", "study/statistics.py", "fields.py")
+_SOURCES = (
+    "learning",
+    "robot",
+    "arena",
+    "formation",
+    "study/runs.py",
+    "study/checkpoints.py",
+    "study/records.py",
+    "study/statistics.py",
+    "fields.py",
+)
 
 
 @dataclass(frozen=True)

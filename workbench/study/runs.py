@@ -29,9 +29,10 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.study.checkpoints import load_checkpoint, save_checkpoint
 from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
-from workbench.study.storage import read_json, read_npz, remove_temporaries, write_json, write_npz
+from workbench.study.storage import read_json, read_npz, refuse_existing, remove_temporaries, write_json, write_npz
 
 SCHEMA = 1
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
@@ -80,7 +81,7 @@ class Run:
         """
         folder = Path(path)
         if not overwrite:
-            _refuse_existing(folder)
+            refuse_existing(folder)
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
             (folder / name).unlink(missing_ok=True)
@@ -272,7 +273,7 @@ class _Batch:
         checkpoint = folder / "checkpoint.npz" if folder is not None else None
         request = json.dumps([{key: header[key] for key in REQUEST} for header in self.headers()], sort_keys=True)
         if resume and checkpoint is not None and checkpoint.is_file():
-            _load_checkpoint(checkpoint, convoy, recorders, request)
+            load_checkpoint(checkpoint, convoy, recorders, request)
         done = int(self._done(convoy).sum())
         with report(
             progress, self.length * len(self.seeds), self.kind, done, " updates" if self.kind == "learn" else " periods"
@@ -297,7 +298,7 @@ class _Batch:
             tell(int((self._done(convoy) - before).sum()))
             due = time.monotonic() - saved >= checkpoint_s or convoy.finished
             if checkpoint is not None and due:
-                _save_checkpoint(checkpoint, convoy, recorders, request)
+                save_checkpoint(checkpoint, convoy, recorders, request)
                 saved = time.monotonic()
 
     def _done(self, convoy: Convoy) -> NDArray[np.int64]:
@@ -332,7 +333,7 @@ class _Batch:
             for place in {folder, *self.folders}:
                 _refuse_strangers(place, [other.name for other in self.folders if other != folder])
         else:
-            _refuse_existing(folder)
+            refuse_existing(folder)
         for header, place in zip(self.headers(), self.folders, strict=True):
             place.mkdir(parents=True, exist_ok=True)
             if not (place / "config.json").is_file():
@@ -353,36 +354,6 @@ class _Batch:
                         f"{place} was started with {key} = {header[key]!r}, this run asks for {wanted[key]!r}; "
                         "continue with the same request, or choose another folder"
                     )
-
-
-def _save_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder], request: str) -> None:
-    arrays: dict[str, NDArray[Any]] = {"request": np.array(request)}
-    arrays |= {f"convoy.{name}": array for name, array in convoy.state().items()}
-    for b, recorder in enumerate(recorders):
-        arrays |= {f"recorder{b}.{name}": array for name, array in recorder.records().items()}
-    try:
-        write_npz(path, arrays)
-    except OSError as error:
-        kept = "the last good checkpoint is kept there" if path.is_file() else "there is no earlier checkpoint"
-        raise OSError(
-            f"could not write {path} at update {int(convoy.updates.sum())}: {error}; {kept}. Make room, then continue with resume"
-        ) from error
-
-
-def _load_checkpoint(path: Path, convoy: Convoy, recorders: list[Recorder], request: str) -> None:
-    arrays = read_npz(path)
-    if str(arrays.get("request")) != request:
-        raise ValueError(
-            f"{path} belongs to another request (seeds, their order, configuration, length or policy differ); continue with "
-            "the same request, or choose another folder"
-        )
-
-    def under(prefix: str) -> dict[str, NDArray[Any]]:
-        return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
-
-    convoy.load(under("convoy."))
-    for b, recorder in enumerate(recorders):
-        recorder.load(under(f"recorder{b}."))
 
 
 def _store(run: Run, folder: Path) -> None:
@@ -415,13 +386,6 @@ def _refuse_strangers(folder: Path, runs: list[str]) -> None:
     if strangers:
         raise FileExistsError(
             f"{folder} holds {', '.join(strangers[:5])}, which belongs to no run of this request; choose another folder"
-        )
-
-
-def _refuse_existing(folder: Path) -> None:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise FileExistsError(
-            f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it"
         )
 
 

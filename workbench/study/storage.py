@@ -78,6 +78,14 @@ def remove_temporaries(folder: Path, names: Sequence[str]) -> None:
         (folder / (name + _TEMPORARY)).unlink(missing_ok=True)
 
 
+def refuse_existing(folder: Path) -> None:
+    """Raise FileExistsError if a folder has something in it."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FileExistsError(
+            f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it"
+        )
+
+
 def _write(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     temporary = path.with_name(path.name + _TEMPORARY)
     try:
