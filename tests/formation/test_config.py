@@ -63,8 +63,11 @@ def test_unknown_names_are_refused_with_the_valid_ones(cls):
         (lambda: ConvoyConfig(distance_m=(0.2, 0.1)), r"ConvoyConfig.distance_m = \(0.2, 0.1\); expected \(low, high\)"),
         (lambda: ConvoyConfig(wheel_speed_mps=(0.09, 0.03)), "wheel_speed_mps"),
         (lambda: ConvoyConfig(leader_speed_mps=0.1), "leader_speed_mps = 0.1; followers can only keep pace"),
-        (lambda: ConvoyConfig(tiling="logarithmic", state_tiles=(8, 9)), r"state_tiles = \(8, 9\).*n = 8.*odd"),
-        (lambda: ConvoyConfig(tiling="logarithmic", inner_distance_m=0.08), "inner_distance_m = 0.08"),
+        (lambda: ConvoyConfig(distance_tiling="logarithmic", state_tiles=(8, 9)), r"state_tiles = \(8, 9\).*n = 8.*odd"),
+        (lambda: ConvoyConfig(distance_tiling="logarithmic", inner_distance_m=0.08), "inner_distance_m = 0.08"),
+        (lambda: ConvoyConfig(tilings=3), "ConvoyConfig.tilings = 3: 3 tilings; expected a power of two"),
+        (lambda: ConvoyConfig(compute_time_s=0.015), "compute_time_s = 0.015; expected a multiple of 0.01 s"),
+        (lambda: ConvoyConfig(drive="planar", compute_time_s=0.03), "expected a multiple of 0.02 s"),
         (lambda: ConvoyConfig(sensing="camera"), "sensing = 'camera'; expected one of 'truth'"),
         (lambda: ConvoyConfig(drive="weels"), "did you mean 'wheels'"),
         (lambda: TrackConfig(wavelengths_m=(0.3, 0.1)), "shortest < longest"),
@@ -84,7 +87,9 @@ def test_values_that_do_not_fit_together_are_refused(build, message):
     [
         ConvoyConfig(),
         ConvoyConfig(followers=64, drive="planar", seed=7, track=TrackConfig(shape="eight"), learner=LearnerConfig(alpha=0.05)),
-        ConvoyConfig(tiling="logarithmic", state_tiles=(5, 5), action_levels=(3, 3), reward="alive", weights="shared"),
+        ConvoyConfig(
+            bearing_tiling="logarithmic", state_tiles=(5, 5), tilings=2, action_levels=(3, 3), reward="alive", weights="shared"
+        ),
     ],
 )
 def test_config_to_json_and_back_is_equal(config):

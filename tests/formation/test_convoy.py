@@ -9,6 +9,7 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy, still_world
 from workbench.formation.follower import GAVE_UP, LEARNED, LOSS, RECOVERED
+from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.learning.config import LearnerConfig
 
@@ -107,7 +108,7 @@ def test_unstable_physics_is_noticed_also_in_the_last_block(tmp_path, monkeypatc
 def test_both_presets_of_the_paper_and_alternatives_run():
     for kinds in (
         {"state_tiles": (5, 5), "action_levels": (3, 3)},
-        {"tiling": "logarithmic"},
+        {"distance_tiling": "logarithmic", "bearing_tiling": "logarithmic"},
         {"reward": "alive"},
         {"track": TrackConfig(shape="stadium", judder="replan")},
         {"learner": LearnerConfig(buffer=False, epsilon_schedule="exponential", trace_cutoff=0.0)},
@@ -190,7 +191,7 @@ def test_still_world_puts_robots_where_the_records_have_them():
         (lambda: Convoy(PLANAR, (), steps=1), "seeds is empty"),
         (lambda: Convoy(PLANAR, (1,)), "steps = 0, periods = None"),
         (lambda: Convoy(PLANAR, (1,), steps=-1), "steps = -1"),
-        (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((1, 81, 48))), "81 states, 49 actions"),
+        (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((1, 81, 48))), "81 rows, 49 actions"),
         (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((3, 81, 49))), "policy has 3 tables; expected 1, or one"),
         (
             lambda: Convoy(replace(PLANAR, weights="shared"), (1,), steps=9, policy=np.zeros((4, 81, 49))),
@@ -202,3 +203,62 @@ def test_still_world_puts_robots_where_the_records_have_them():
 def test_bad_requests_are_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+def test_the_buffer_hides_any_compute_time_up_to_the_control_period():
+    plain, _ = _run(PLANAR)
+    for seconds in (0.02, 0.1):
+        hidden, _ = _run(replace(PLANAR, compute_time_s=seconds))
+        assert hidden.weights.tobytes() == plain.weights.tobytes()
+
+
+@pytest.mark.parametrize(("drive", "seconds"), [("planar", 0.04), ("planar", 0.1), ("wheels", 0.03)])
+def test_without_the_buffer_commands_wait_for_the_update_while_physics_goes_on(drive, seconds):
+    config = replace(PLANAR, drive=drive, followers=2, compute_time_s=seconds, learner=LearnerConfig(buffer=False))
+    convoy = Convoy(config, (1,), steps=400)
+    start = convoy.world.states.copy()
+    block = convoy.run_block()[0]
+    replay = Convoy(config, (1,), steps=1).world  # the same model, driven from the recorded commands alone
+    replay.states[:] = start
+    timestep = replay.model.opt.timestep
+    waited = 0
+    for t in range(200):
+        for robot, step in enumerate(block[t]):
+            x, y, _ = replay.pose(0, robot)
+            assert (np.float32(x), np.float32(y)) == (step["x"], step["y"])
+        late = [robot for robot in (1, 2) if block[t, robot]["event"] & LEARNED]
+        for robot in {0, 1, 2} - set(late):
+            replay.command(0, robot, int(block[t, robot]["left"]), int(block[t, robot]["right"]))
+        replay.batch.step(nstep=round(seconds / timestep))
+        for robot in late:
+            replay.command(0, robot, int(block[t, robot]["left"]), int(block[t, robot]["right"]))
+            waited += 1
+        rest = round((0.1 - seconds) / timestep)
+        if rest:
+            replay.batch.step(nstep=rest)
+    assert waited > 100
+
+
+def test_a_restart_stops_commands_that_still_wait():
+    config = replace(PLANAR, reset="restart", compute_time_s=0.06, learner=LearnerConfig(buffer=False))
+    convoy, block = _run(config)
+    losses = np.flatnonzero(np.any(block[0, :-1, 1:]["event"] & LOSS, axis=1))
+    assert len(losses) > 5
+    first = block[0, 0]
+    for t in losses:
+        assert np.array_equal(block[0, t + 1][["x", "y"]], first[["x", "y"]])
+
+
+@pytest.mark.parametrize("tilings", [2, 8])
+def test_several_tilings_learn_store_and_stay_the_same_alone_or_in_a_batch(tilings):
+    config = replace(PLANAR, tilings=tilings, state_tiles=(5, 5))
+    alone, _ = _run(config)
+    batch, _ = _run(config, (2, 1))
+    assert alone.weights[0].tobytes() == batch.weights[1].tobytes()
+    theta, _ = alone.tables(0)
+    assert theta.shape == (4, config.rows, 49) and np.ptp(theta[0, -20:]) > 0  # the last tiling learned too
+    policy = Policy.of(config, theta)
+    policy.check(config)
+    assert policy.greedy().shape == (4, 25)
+    with pytest.raises(ValueError, match="tilings of the policy are|theta has shape|edges"):
+        policy.check(replace(config, tilings=1))

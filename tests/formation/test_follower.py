@@ -10,7 +10,7 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
 from workbench.formation.reset import APPROACH, FOLLOW, TURN
 from workbench.learning.config import LearnerConfig
-from workbench.learning.gq import GreedyGQ
+from workbench.learning.gq import GQ, GreedyGQ
 from workbench.learning.kernel import new_trace
 
 
@@ -27,14 +27,14 @@ def _learn(task, follower, weights, ids, values):
 class _Robot:
     """One follower outside a convoy, driven observation by observation, as a loop on a real robot would."""
 
-    def __init__(self, **learner):
-        self.config = ConvoyConfig(followers=1, drive="planar", learner=LearnerConfig(**learner))
+    def __init__(self, tilings=1, **learner):
+        self.config = ConvoyConfig(followers=1, drive="planar", tilings=tilings, learner=LearnerConfig(**learner))
         self.task = Convoy(self.config, [1], steps=1000)._task
-        pairs = self.config.grid().n * self.config.actions
+        pairs = self.config.rows * self.config.actions
         self.follower, self.step = np.zeros(1, FOLLOWER), np.zeros(1, STEP)
         self.follower["state"], self.follower["learns"] = -1, 1
         self.weights = np.zeros((2, pairs))
-        self.weights[0] = self.config.learner.theta0
+        self.weights[0] = self.config.learner.theta0 / tilings
         empty = new_trace(pairs)
         self.ids, self.values = np.stack([empty[0], empty[2]]), empty[1]
 
@@ -46,6 +46,15 @@ class _Robot:
 
     def learn(self):
         assert _learn(self.task, self.follower, self.weights, self.ids, self.values)
+
+
+def _cells(config, distance, bearing):
+    """Rows of the weight table that are active in an observation, found without the follower's code."""
+    rows, first = [], 0
+    for grid in config.grids():
+        rows.append(first + grid.index(distance - config.middle_m, bearing))
+        first += grid.n
+    return rows
 
 
 def _walk(count, seed=0):
@@ -79,6 +88,40 @@ def test_followers_and_the_public_class_learn_the_same_bits(buffer):
     assert learned > 150
     np.testing.assert_array_equal(robot.weights[0], twin.theta.ravel())
     np.testing.assert_array_equal(robot.weights[1], twin.w.ravel())
+
+
+def test_with_several_tilings_followers_learn_the_bits_of_gq_on_lists_of_features():
+    robot = _Robot(tilings=4, epsilon=0.3, gamma=0.7, lam=0.6)
+    config, learner = robot.config, robot.config.learner
+    twin = GQ(config.rows * 49, learner.alpha / 4, beta=learner.beta / 4, cutoff=1e-8, theta0=learner.theta0 / 4)
+    before, learned = None, 0
+    for distance, bearing, u in _walk(600):
+        robot.act(distance, bearing, epsilon=0.3, u=u)
+        step, waiting = robot.step[0], robot.follower[0].copy()
+        robot.learn()
+        if step["event"] & LEARNED:
+            phi = np.array(before) * 49 + int(step["action"])
+            gamma, bar = 0.7, np.zeros(0, int)
+            if step["event"] & LOSS:
+                gamma = 0.0
+            else:
+                now = np.array(_cells(config, distance, bearing)) * 49
+                bar = now + int(np.argmax(sum(twin.theta[start : start + 49] for start in now)))
+            twin.learn(
+                (phi, np.ones(4)),
+                float(waiting["w_reward"]),
+                (bar, np.ones(bar.size)),
+                gamma=gamma,
+                lam=0.6,
+                rho=float(waiting["w_rho"]),
+            )
+            learned += 1
+            if step["event"] & LOSS:
+                twin.begin_episode()
+        before = _cells(config, distance, bearing)
+    assert learned > 150
+    np.testing.assert_array_equal(robot.weights[0], twin.theta)
+    np.testing.assert_array_equal(robot.weights[1], twin.w)
 
 
 def _spoil(buffer):

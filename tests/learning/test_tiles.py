@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.learning.tiles import TileGrid, Tiling, tile_index
+from workbench.learning.tiles import TileGrid, Tiling, offset_grids, tile_index
 
 
 @given(st.floats(-5, 5), st.floats(0.01, 5), st.integers(1, 40), st.floats(0, 1, exclude_max=True))
@@ -50,6 +50,37 @@ def test_compiled_and_vectorised_lookup_agree_with_the_method():
     assert tiles.indices(x).tolist() == one_by_one
     assert [tile_index(tiles.edges, tiles.n, value) for value in x] == one_by_one
     assert tile_index(tiles.edges, tiles.n, math.nan) == -1
+
+
+@pytest.mark.parametrize(
+    "tiling", [Tiling.uniform(-0.07, 0.07, 9), Tiling.logarithmic(-0.7, 0.7, 9, inner=0.03)], ids=["uniform", "logarithmic"]
+)
+def test_a_shifted_tiling_keeps_its_bounds_and_cuts_the_cells_at_the_ends(tiling):
+    assert tiling.shifted(0.0) is tiling
+    half = tiling.shifted(0.5)
+    assert half.n == tiling.n + 1
+    assert (half.edges[0], half.edges[-1]) == (tiling.edges[0], tiling.edges[-1])
+    np.testing.assert_allclose(half.edges[1:-1], tiling.centres, atol=1e-15)  # edges of the half shift are the old middles
+    with pytest.raises(ValueError, match="part = 1.0; expected a number from 0 to below 1"):
+        tiling.shifted(1.0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 8])
+def test_offset_grids_resolve_count_times_as_many_places_along_each_dimension(count):
+    base = TileGrid(Tiling.uniform(0.0, 5.0, 5), Tiling.uniform(0.0, 5.0, 5))
+    grids = offset_grids(base, count)
+    assert len(grids) == count and grids[0].tilings == base.tilings
+    for j in (0, 1):
+        shifts = {round(float(grid.tilings[j].edges[1]), 9) for grid in grids}
+        assert shifts == {round(1 - k / count, 9) for k in range(count)}  # first inner edge at 1 - k/count, all different
+    line = np.linspace(0, 4.999, 997)
+    codes = {tuple(grid.index(x, 2.2) for grid in grids) for x in line}
+    assert len(codes) == 5 * count
+
+
+def test_the_number_of_offset_tilings_must_be_a_power_of_two():
+    with pytest.raises(ValueError, match="3 tilings; expected a power of two"):
+        offset_grids(TileGrid(Tiling.uniform(0.0, 1.0, 2)), 3)
 
 
 def test_grid_counts_the_last_tiling_fastest_and_knows_centres_and_bounds():

@@ -6,14 +6,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.model import DRIVES
+from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, integer, integers, part, real, reals
 from workbench.formation.reward import PRESETS
 from workbench.learning.config import LearnerConfig
-from workbench.learning.tiles import TileGrid, Tiling
+from workbench.learning.tiles import TileGrid, Tiling, offset_grids
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
 
+TILINGS = ("uniform", "logarithmic")
+MAX_TILINGS = 8
 V_MAX = speed_from_steps(MAX_STEPS)
 
 
@@ -35,7 +38,9 @@ class ConvoyConfig:
     )
     bearing_limit_rad: float = real(0.05, math.pi, "rad", "terminal bearing on both sides", default=math.pi / 4)
     state_tiles: tuple[int, int] = integers(1, 64, "", "cells of distance and bearing", default=(9, 9))
-    tiling: str = choice(("uniform", "logarithmic"), "spacing of the state cells", default="uniform")
+    distance_tiling: str = choice(TILINGS, "spacing of the distance cells", default="uniform")
+    bearing_tiling: str = choice(TILINGS, "spacing of the bearing cells", default="uniform")
+    tilings: int = integer(1, MAX_TILINGS, "", "offset tilings of the state, a power of two; the paper has one", default=1)
     inner_distance_m: float = real(1e-4, 0.5, "m", "half width of the middle distance cell (logarithmic)", default=0.003)
     inner_bearing_rad: float = real(
         1e-3, 3.0, "rad", "half width of the middle bearing cell (logarithmic)", default=math.radians(2)
@@ -50,6 +55,9 @@ class ConvoyConfig:
         ("manoeuvre", "restart"), "after a loss: drive back (II-C), or restart the simulation", default="manoeuvre"
     )
     sight_m: float = real(0.1, 100.0, "m", "distance within which a lost predecessor can be seen", default=2.0)
+    compute_time_s: float = real(
+        0.0, CONTROL_PERIOD, "s", "simulated time that one update takes; without the buffer the command waits for it", default=0.0
+    )
     weights: str = choice(
         ("own", "shared", "first"), "own tables; one shared table; the first learns, others copy", default="own"
     )
@@ -76,7 +84,13 @@ class ConvoyConfig:
                 f"ConvoyConfig.distance_m = {self.distance_m!r} asks for d* = {self.middle_m:g} m on a track with radius_m = "
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
             )
-        self.grid()  # refuses an even number of logarithmic cells and inner cells wider than the range
+        steps = self.compute_time_s / TIMESTEP[self.drive]
+        if abs(steps - round(steps)) > 1e-9:
+            raise ValueError(
+                f"ConvoyConfig.compute_time_s = {self.compute_time_s!r}; expected a multiple of {TIMESTEP[self.drive]:g} s, "
+                f"the time step of the {self.drive!r} drive"
+            )
+        self.grids()  # refuses an even number of logarithmic cells and inner cells wider than the range
 
     @property
     def middle_m(self) -> float:
@@ -91,18 +105,30 @@ class ConvoyConfig:
     def grid(self) -> TileGrid:
         """Return the tilings of the distance error (m) and of the bearing (rad), in the order of the state index."""
         tilings = []
-        for count, half, inner, name in (
-            (self.state_tiles[0], self.half_range_m, self.inner_distance_m, "inner_distance_m"),
-            (self.state_tiles[1], self.bearing_limit_rad, self.inner_bearing_rad, "inner_bearing_rad"),
+        for kind, count, half, inner, name in (
+            (self.distance_tiling, self.state_tiles[0], self.half_range_m, self.inner_distance_m, "inner_distance_m"),
+            (self.bearing_tiling, self.state_tiles[1], self.bearing_limit_rad, self.inner_bearing_rad, "inner_bearing_rad"),
         ):
             try:
-                if self.tiling == "uniform":
+                if kind == "uniform":
                     tilings.append(Tiling.uniform(-half, half, count))
                 else:
                     tilings.append(Tiling.logarithmic(-half, half, count, inner=inner))
             except ValueError as error:
                 raise ValueError(f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = {inner!r}: {error}") from None
         return TileGrid(*tilings)
+
+    def grids(self) -> tuple[TileGrid, ...]:
+        """Return the offset grids whose cells are the features; the first one is ``grid()``, whose cells are the states."""
+        try:
+            return offset_grids(self.grid(), self.tilings)
+        except ValueError as error:
+            raise ValueError(f"ConvoyConfig.tilings = {self.tilings!r}: {error}") from None
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of a weight table: cells of all grids together; with one tiling the number of states."""
+        return sum(grid.n for grid in self.grids())
 
     def levels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the speed levels of the left and right wheel in whole steps/s, slowest first."""

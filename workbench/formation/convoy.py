@@ -27,6 +27,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from workbench.arena.floor import floor_darkness
+from workbench.arena.model import TIMESTEP
 from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World, read_pose, write_command
 from workbench.formation.config import ConvoyConfig
@@ -57,7 +58,7 @@ RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
 
 @njit(cache=True)
 def control_step(
-    t: int, task: Any, qpos: Any, ctrl: Any, floor: Any, formations: Any, robots: Any, weights: Any,
+    t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formations: Any, robots: Any, weights: Any,
     trace_ids: Any, trace_values: Any, chance: Any, block: Any,
 ) -> int:  # fmt: skip
     """Do one control period for all formations, all but the physics; return flags, 0 if nothing needs Python."""
@@ -66,7 +67,7 @@ def control_step(
         if formations[b].done:
             continue
         flags |= _formation_step(
-            t, task[0], qpos[b], ctrl[b], floor[b], formations[b], robots[b], weights[b],
+            t, task[0], qpos[b], ctrl[b], waiting[b], floor[b], formations[b], robots[b], weights[b],
             trace_ids[b], trace_values[b], chance[b, t], block[b, t],
         )  # fmt: skip
     return flags
@@ -74,7 +75,7 @@ def control_step(
 
 @njit(cache=True)
 def _formation_step(
-    t: int, task: Any, qpos: Any, ctrl: Any, floor: Any, formation: Any, robots: Any, weights: Any,
+    t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formation: Any, robots: Any, weights: Any,
     trace_ids: Any, trace_values: Any, chance: Any, steps: Any,
 ) -> int:  # fmt: skip
     for i in range(robots.size):
@@ -84,6 +85,7 @@ def _formation_step(
 
     left, right = _lead(task, floor, robots[0], chance)
     write_command(ctrl, 0, task.wheels, left, right)
+    write_command(waiting, 0, task.wheels, left, right)
     steps[0].left, steps[0].right, steps[0].phase = left, right, FOLLOW
 
     epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
@@ -95,7 +97,10 @@ def _formation_step(
             task, robot, step, weights[robot.table], trace_ids[i - 1], trace_values[i - 1], distance, bearing,
             epsilon if robot.learns else 0.0, chance[2 + i], formation.updates < formation.budget,
         )  # fmt: skip
-        write_command(ctrl, i, task.wheels, left, right)
+        if task.delayed:  # what has just been learned took time, in which the wheels hold the last command
+            write_command(waiting, i, task.wheels, left, right)
+        if not (task.delayed and step.event & LEARNED):
+            write_command(ctrl, i, task.wheels, left, right)
         step.left, step.right = left, right
         if step.event & LEARNED:
             formation.updates += 1
@@ -139,12 +144,12 @@ class Convoy:
         seeds: (B,) one seed per formation.
         steps: learning updates per formation, summed over its followers; 0 for a greedy, frozen evaluation.
         periods: control periods at most; default for learning: twenty times what undisturbed learning needs.
-        policy: (tables, states, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
+        policy: (tables, rows, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
         threads: MuJoCo's threads, 0 for one per core.
 
     Attributes:
         world: the physics, open to every use.
-        weights: (B, tables, 2, states * actions) main and secondary weights.
+        weights: (B, tables, 2, rows * actions) main and secondary weights.
         updates: (B,) learning updates done.
         finished: whether all formations have used up their steps or periods.
     """
@@ -171,11 +176,13 @@ class Convoy:
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
             line_width_m=config.track.line_width_m, threads=threads,
         )  # fmt: skip
-        pairs = config.grid().n * config.actions
+        pairs = config.rows * config.actions
         self.weights = self._first_weights(count, pairs, policy)
         empty = new_trace(pairs)
         self._trace_ids = np.tile(np.stack([empty[0], empty[2]]), (count, n, 1, 1))
         self._trace_values = np.zeros((count, n, pairs))
+        self._waiting = np.zeros_like(self.world.ctrl)  # the commands of this period, where they wait for an update
+        self._delay = 0 if config.learner.buffer else round(config.compute_time_s / TIMESTEP[config.drive])
         self._formations = np.zeros(count, FORMATION)
         self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
         limit = periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
@@ -195,7 +202,7 @@ class Convoy:
         self._sensor, self._policy = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n))
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
-            self._task, self.world.qpos, self.world.ctrl, self.world.floor.raster, self._formations, self._robots,
+            self._task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self._robots,
             self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
         )  # fmt: skip
         types = tuple(numba.typeof(argument) for argument in (0, *arrays))
@@ -234,7 +241,7 @@ class Convoy:
             self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
         before = self.periods.copy()
         act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
-        step, running = self.world.batch.step, self._running()
+        step, running, delay, ctrl = self.world.batch.step, self._running(), self._delay, self.world.ctrl
         for t in range(BLOCK):
             flags = act_all(t, *arrays)
             if flags:
@@ -242,7 +249,11 @@ class Convoy:
                 running = self._running()
                 if self.finished:
                     break
-            step(running, nstep=substeps)
+            if delay:
+                step(running, nstep=delay)
+                ctrl[:] = self._waiting
+            if substeps > delay:
+                step(running, nstep=substeps - delay)
         for b, done in enumerate(self.periods - before):
             self._block[b, done:] = _UNUSED
             if done:  # a formation that has just finished took no step after its last commands
@@ -278,8 +289,8 @@ class Convoy:
                 rng[name].bit_generator.state = children[name]
 
     def tables(self, formation: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return copies of a formation's main and secondary weights, each (tables, states, actions)."""
-        shape = (-1, self.config.grid().n, self.config.actions)
+        """Return copies of a formation's main and secondary weights, each (tables, rows, actions)."""
+        shape = (-1, self.config.rows, self.config.actions)
         theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
         return theta, w
 
@@ -299,6 +310,7 @@ class Convoy:
             raise FloatingPointError("a temporal-difference error is not finite; lower the step sizes")
         for b in np.flatnonzero(self._formations["restart"]).tolist():
             self.world.restart(b)
+            self._waiting[b] = 0
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
             self._robots[b, 0]["memory"] = self._first_memory
             for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
@@ -311,15 +323,15 @@ class Convoy:
         tables = config.followers if config.weights == "own" else 1
         if policy is None:
             weights = np.zeros((count, tables, 2, pairs))
-            weights[:, :, 0] = config.learner.theta0
+            weights[:, :, 0] = config.learner.theta0 / config.tilings
             return weights
         given = np.asarray(policy, dtype=np.float64)
         if given.ndim == 3:
             given = np.repeat(given[None], count, axis=0)
-        expected = (config.grid().n, config.actions)
+        expected = (config.rows, config.actions)
         if given.ndim != 4 or given.shape[::2] != (count, expected[0]) or given.shape[3] != expected[1]:
             raise ValueError(
-                f"policy has shape {np.shape(policy)}; this convoy needs (tables, {expected[0]} states, {expected[1]} actions), "
+                f"policy has shape {np.shape(policy)}; this convoy needs (tables, {expected[0]} rows, {expected[1]} actions), "
                 f"or one such array for each of {count} seeds"
             )
         if self._learning and tables == 1 and given.shape[1] != 1:
@@ -361,24 +373,30 @@ def _children(seed: int) -> dict[str, np.random.Generator]:
 def _task(config: ConvoyConfig, steps: int, world: World) -> NDArray[np.void]:
     """Fill the TASK record of a configuration."""
     task = np.zeros(1, TASK)
-    distance, bearing = config.grid().tilings
+    rows = 0
+    for k, grid in enumerate(config.grids()):
+        for name, tiling in zip(("distance", "bearing"), grid.tilings, strict=True):
+            task[f"{name}_edges"][0, k, : tiling.n + 1] = tiling.edges
+            task[f"{name}_tiles"][0, k] = tiling.n
+        task["first_row"][0, k] = rows
+        rows += grid.n
     left, right = config.levels()
-    for name, values in (
-        ("distance_edges", distance.edges), ("bearing_edges", bearing.edges), ("left_steps", left), ("right_steps", right),
-    ):  # fmt: skip
+    for name, values in (("left_steps", left), ("right_steps", right)):
         task[name][0, : len(values)] = values
     learner = config.learner
     plain = {
-        "distance_tiles": distance.n, "bearing_tiles": bearing.n, "actions": config.actions, "right_levels": len(right),
+        "tilings": config.tilings, "actions": config.actions, "right_levels": len(right),
         "middle": config.middle_m, "half_range": config.half_range_m, "limit": config.bearing_limit_rad,
         "sight": config.sight_m, "preset": PRESETS.index(config.reward),
         "terminal_reward": terminal_reward(config.reward, learner.gamma, config.terminal_factor),
-        "alpha": learner.alpha, "beta": learner.beta, "gamma": learner.gamma, "lam": learner.lam,
+        "alpha": learner.alpha / config.tilings, "beta": learner.beta / config.tilings,
+        "gamma": learner.gamma, "lam": learner.lam,
         "cutoff": learner.trace_cutoff, "buffer": learner.buffer, "schedule": SCHEDULES.index(learner.epsilon_schedule),
         "epsilon": learner.epsilon, "epsilon_final": learner.epsilon_final,
         "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
         "leader_steps": config.leader_speed_mps / STEP_LENGTH, "column0": world.floor.column0, "row0": world.floor.row0,
         "wheels": world.wheels, "restart": config.reset == "restart",
+        "delayed": config.compute_time_s > 0 and not learner.buffer,
     }  # fmt: skip
     for name, value in plain.items():
         task[name] = value

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
-from workbench.learning.behaviour import choose_action, greedy_action
+from workbench.learning.behaviour import explore, greedy_of_sum
 from workbench.learning.kernel import clear_trace, gq_update
 from workbench.learning.tiles import tile_index
 
@@ -27,14 +28,17 @@ MAX_TILES = 64  # per dimension, of states and of actions
 
 TASK = np.dtype(
     [
-        ("distance_edges", "f8", (MAX_TILES + 1,)), ("bearing_edges", "f8", (MAX_TILES + 1,)),  # m, rad, of the errors
-        ("distance_tiles", "i8"), ("bearing_tiles", "i8"), ("actions", "i8"), ("right_levels", "i8"),
+        ("distance_edges", "f8", (MAX_TILINGS, MAX_TILES + 2)),  # m, of the error; one row per offset tiling
+        ("bearing_edges", "f8", (MAX_TILINGS, MAX_TILES + 2)),  # rad
+        ("distance_tiles", "i8", (MAX_TILINGS,)), ("bearing_tiles", "i8", (MAX_TILINGS,)),
+        ("first_row", "i8", (MAX_TILINGS,)), ("tilings", "i8"), ("actions", "i8"), ("right_levels", "i8"),
         ("left_steps", "i8", (MAX_TILES,)), ("right_steps", "i8", (MAX_TILES,)),  # steps/s of each action level
         ("middle", "f8"), ("half_range", "f8"), ("limit", "f8"), ("sight", "f8"),  # m, m, rad, m
         ("preset", "i8"), ("terminal_reward", "f8"),
         ("alpha", "f8"), ("beta", "f8"), ("gamma", "f8"), ("lam", "f8"), ("cutoff", "f8"), ("buffer", "i8"),
         ("schedule", "i8"), ("epsilon", "f8"), ("epsilon_final", "f8"), ("epsilon_horizon", "f8"),
         ("leader_steps", "f8"), ("column0", "i8"), ("row0", "i8"), ("wheels", "i8"), ("restart", "i8"),
+        ("delayed", "i8"),  # whether commands wait for the update
     ],
     align=True,
 )  # fmt: skip
@@ -46,7 +50,10 @@ FOLLOWER = np.dtype(
         ("table", "i8"), ("learns", "i8"), ("trace", "i8"), ("decay", "f8"),
         ("state", "i8"), ("action", "i8"), ("rho", "f8"), ("e_d", "f8"), ("o_err", "f8"),  # at the last choice; -1: none
         ("waiting", "i8"), ("w_state", "i8"), ("w_action", "i8"), ("w_rho", "f8"), ("w_reward", "f8"), ("w_next", "i8"),
-        ("delta", "f8"), ("phi", "i8", (1,)), ("bar", "i8", (1,)),  # last TD error; scratch for the kernel's feature lists
+        # first weight of the active cell of every tiling: at the last choice, now, and of the waiting transition's two ends
+        ("cells", "i8", (MAX_TILINGS,)), ("now", "i8", (MAX_TILINGS,)),
+        ("w_cells", "i8", (MAX_TILINGS,)), ("w_next_cells", "i8", (MAX_TILINGS,)),
+        ("phi", "i8", (MAX_TILINGS,)), ("bar", "i8", (MAX_TILINGS,)), ("delta", "f8"),  # the kernel's lists; last TD error
     ],
     align=True,
 )  # fmt: skip
@@ -63,7 +70,7 @@ STEP = np.dtype(  # no padding: equal records are equal bytes
 
 LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED = 1, 2, 4, 8, 16  # bits of STEP.event
 
-_ONE = np.ones(1)
+_ONES = np.ones(MAX_TILINGS)
 
 
 @njit(cache=True)
@@ -86,17 +93,18 @@ def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: 
     if follower.waiting == 0:
         return True
     follower.waiting = 0
-    phi, bar = follower.phi, follower.bar
-    phi[0] = follower.w_state * task.actions + follower.w_action
+    phi, bar, m = follower.phi, follower.bar, task.tilings
+    for k in range(m):
+        phi[k] = follower.w_cells[k] + follower.w_action
     gamma, count = 0.0, 0
     if follower.w_next >= 0:
-        gamma = task.gamma
-        count = 1
-        start = follower.w_next * task.actions
-        bar[0] = start + greedy_action(weights[0], start, task.actions)
+        gamma, count = task.gamma, m
+        best = greedy_of_sum(weights[0], follower.w_next_cells, m, task.actions)
+        for k in range(m):
+            bar[k] = follower.w_next_cells[k] + best
     follower.trace, follower.delta, w_e = gq_update(
         weights[0], weights[1], trace_ids[0], trace_values, trace_ids[1], follower.trace,
-        phi, _ONE, bar[:count], _ONE, follower.w_reward, 0.0, 1.0, follower.w_rho, follower.decay,
+        phi[:m], _ONES, bar[:count], _ONES, follower.w_reward, 0.0, 1.0, follower.w_rho, follower.decay,
         gamma, task.lam, task.alpha, task.beta, task.cutoff,
     )  # fmt: skip
     follower.decay = gamma * task.lam
@@ -107,13 +115,32 @@ def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: 
 
 
 @njit(cache=True)
-def _finish(follower: Any, step: Any, reward: float, next_state: int, room: bool) -> None:
+def _sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
+    """Find the cell of every tiling, as the place of its first weight; return the state, -1 outside the bounds."""
+    state = -1
+    for k in range(task.tilings):
+        row = tile_index(task.distance_edges[k], task.distance_tiles[k], e_d)
+        column = tile_index(task.bearing_edges[k], task.bearing_tiles[k], o_err)
+        if row < 0 or column < 0:
+            return -1
+        cell = row * task.bearing_tiles[k] + column
+        if k == 0:
+            state = cell
+        follower.now[k] = (task.first_row[k] + cell) * task.actions
+    return state
+
+
+@njit(cache=True)
+def _finish(task: Any, follower: Any, step: Any, reward: float, next_state: int, room: bool) -> None:
     """Cache the transition that ends now and record it as a visit of its state, unless the run's budget is used up."""
     if follower.learns and not room:
         return
     follower.waiting = follower.learns
     follower.w_state, follower.w_action, follower.w_rho = follower.state, follower.action, follower.rho
     follower.w_reward, follower.w_next = reward, next_state
+    for k in range(task.tilings):
+        follower.w_cells[k] = follower.cells[k]
+        follower.w_next_cells[k] = follower.now[k]
     step.state, step.action, step.reward = follower.state, follower.action, reward
     step.distance_error, step.bearing = follower.e_d, follower.o_err
     if follower.learns:
@@ -154,15 +181,13 @@ def act(
             step.phase = follower.phase
             return left, right, finite
         step.event |= RECOVERED
-    row = tile_index(task.distance_edges, task.distance_tiles, e_d)
-    column = tile_index(task.bearing_edges, task.bearing_tiles, bearing)
-    lost = row < 0 or column < 0
-    state = -1 if lost else row * task.bearing_tiles + column
+    state = _sense_cells(task, follower, e_d, bearing)
+    lost = state < 0
     if follower.state >= 0:
         reward = task.terminal_reward
         if not lost:
             reward = step_reward(task.preset, e_d / task.half_range, bearing / task.limit)
-        _finish(follower, step, reward, state, room)
+        _finish(task, follower, step, reward, state, room)
         if not task.buffer:
             finite = learn(task, follower, weights, trace_ids, trace_values)
     if lost:
@@ -174,7 +199,10 @@ def act(
             follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight
         )  # fmt: skip
         return left, right, finite
-    action, rho = choose_action(weights[0], state * task.actions, task.actions, epsilon, u)
+    best = greedy_of_sum(weights[0], follower.now, task.tilings, task.actions)
+    action, rho = explore(best, task.actions, epsilon, u)
+    for k in range(task.tilings):
+        follower.cells[k] = follower.now[k]
     follower.state, follower.action, follower.rho = state, action, rho
     follower.e_d, follower.o_err = e_d, bearing
     step.phase = FOLLOW

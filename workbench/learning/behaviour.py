@@ -17,6 +17,7 @@ Contract: chance comes in as one uniform number u in [0, 1): below ε it explore
 
 from typing import Any
 
+import numpy as np
 from numba import njit
 
 SCHEDULES = ("linear", "exponential", "constant")
@@ -33,9 +34,29 @@ def greedy_action(values: Any, start: int, actions: int) -> int:
 
 
 @njit(cache=True)
+def greedy_of_sum(values: Any, starts: Any, count: int, actions: int) -> int:
+    """Return the action with the largest sum of values[starts[k] + action] over the first ``count`` starts, one per tiling."""
+    if count == 1:
+        return greedy_action(values, starts[0], actions)
+    best, highest = 0, -np.inf
+    for action in range(actions):
+        total = 0.0
+        for k in range(count):
+            total += values[starts[k] + action]
+        if total > highest:
+            best, highest = action, total
+    return best
+
+
+@njit(cache=True)
 def choose_action(values: Any, start: int, actions: int, epsilon: float, u: float) -> tuple[int, float]:
     """Return an ε-greedy action and its importance ratio ρ, both fixed by the values of this moment."""
-    best = greedy_action(values, start, actions)
+    return explore(greedy_action(values, start, actions), actions, epsilon, u)
+
+
+@njit(cache=True)
+def explore(best: int, actions: int, epsilon: float, u: float) -> tuple[int, float]:
+    """Return an ε-greedy action and its importance ratio ρ where ``best`` is the greedy one."""
     action = best
     if u < epsilon:
         action = min(int(u / epsilon * actions), actions - 1)

@@ -8,11 +8,11 @@ from workbench.learning.behaviour import SCHEDULES
 class LearnerConfig:
     """Parameters of Greedy-GQ(λ) and of its ε-greedy behaviour."""
 
-    alpha: float = real(1e-9, 1.0, "", "main step size α", default=0.1)
+    alpha: float = real(1e-9, 1.0, "", "main step size α, shared out among the tilings", default=0.1)
     eta: float = real(0.0, 100.0, "", "ratio η of the secondary to the main step size, β = αη", default=0.01)
     gamma: float = real(0.0, 0.9999, "", "discount γ", default=0.8)
     lam: float = real(0.0, 1.0, "", "trace decay λ", default=0.8)
-    theta0: float = real(-1e6, 1e6, "", "initial main weights θ₀", default=-0.1)
+    theta0: float = real(-1e6, 1e6, "", "initial action value θ₀, shared out among the tilings", default=-0.1)
     epsilon: float = real(0.0, 1.0, "", "exploration rate ε at the start", default=0.05)
     epsilon_final: float = real(0.0, 1.0, "", "exploration rate ε at the end of its schedule", default=0.01)
     epsilon_fraction: float = real(1e-6, 1.0, "of the run", "part of the run over which ε falls", default=0.25)

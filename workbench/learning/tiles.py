@@ -11,6 +11,9 @@ computed once; looking a value up never evaluates a logarithm, which would put v
 >>> [round(1000 * float(edge), 1) for edge in fine.edges]
 [-70.0, -14.5, -3.0, 3.0, 14.5, 70.0]
 
+Several offset tilings of one range, each shifted by a part of a cell, make one value active in several features: coarse cells
+generalise, their overlaps resolve (Sutton & Barto, 2nd ed., section 9.5.4). The paper uses one; ``offset_grids`` gives more.
+
 Contract: tilings are immutable and their arrays are read-only.
 """
 
@@ -94,6 +97,19 @@ class Tiling:
         edges[0], edges[-1] = lo, hi
         return cls(edges, "logarithmic")
 
+    def shifted(self, part: float) -> "Tiling":
+        """Return the tiling moved down by a part of a cell in [0, 1), with the same bounds: one more cell, those at the ends cut.
+
+        Raises:
+            ValueError: part outside [0, 1).
+        """
+        if not 0.0 <= part < 1.0:
+            raise ValueError(f"part = {part!r}; expected a number from 0 to below 1")
+        if part == 0.0:
+            return self
+        inner = np.interp(np.arange(1, self.n + 1) - part, np.arange(self.n + 1), self.edges)
+        return Tiling(np.concatenate([self.edges[:1], inner, self.edges[-1:]]), self.kind)
+
     @property
     def n(self) -> int:
         """Number of cells."""
@@ -169,6 +185,21 @@ class TileGrid:
     def bounds(self, state: int) -> tuple[tuple[float, float], ...]:
         """Return the borders of a state, (lower, upper) per tiling."""
         return tuple(t.bounds(k) for t, k in zip(self.tilings, self.cells(state), strict=True))
+
+
+def offset_grids(grid: TileGrid, count: int) -> tuple[TileGrid, ...]:
+    """Return ``count`` grids over the same bounds, the first one ``grid`` itself, the k-th shifted by parts of a cell.
+
+    Along dimension j the shift is k (2j + 1) / count modulo 1: the displacement by odd numbers that Sutton & Barto recommend.
+
+    Raises:
+        ValueError: count is not a power of two, for which these shifts are all different.
+    """
+    if count < 1 or count & (count - 1):
+        raise ValueError(f"{count!r} tilings; expected a power of two")
+    return tuple(
+        TileGrid(*(tiling.shifted(k * (2 * j + 1) / count % 1.0) for j, tiling in enumerate(grid.tilings))) for k in range(count)
+    )
 
 
 def _check_range(lo: float, hi: float, n: int) -> None:

@@ -160,7 +160,7 @@ def value_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes 
     """
     ax = ax or new_axes(5.6, 4.4)
     distance, bearing = _edges(config)
-    best = policy.theta[table].max(axis=1).reshape(config.state_tiles)
+    best = policy.values()[table].max(axis=1).reshape(config.state_tiles)
     values = np.ma.masked_equal(best, config.learner.theta0)
     ax.set_facecolor(NEVER)
     mesh = ax.pcolormesh(bearing, distance, values, cmap="viridis", edgecolors="white", linewidth=0.4)
@@ -182,7 +182,7 @@ def policy_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes
         for levels, part in zip((policy.left_steps, policy.right_steps), divmod(greedy, len(policy.right_steps)), strict=True)
     )
     speed, turn = np.array([twist(float(a), float(b)) for a, b in zip(left, right, strict=True)]).T
-    seen = (policy.theta[table].max(axis=1) != config.learner.theta0).reshape(config.state_tiles)
+    seen = (policy.values()[table].max(axis=1) != config.learner.theta0).reshape(config.state_tiles)
     ax.set_facecolor(NEVER)
     shown = np.ma.masked_where(~seen, 1000 * speed.reshape(config.state_tiles))
     span = 1000 * np.array(config.wheel_speed_mps)
