@@ -5,6 +5,7 @@ from .arena.tracks import Track as Track
 from .arena.tracks import TrackConfig as TrackConfig
 from .arena.tracks import make_track as make_track
 from .arena.world import World as World
+from .formation.config import SETTINGS as SETTINGS
 from .formation.config import ConvoyConfig as ConvoyConfig
 from .formation.convoy import Convoy as Convoy
 from .formation.convoy import still_world as still_world
@@ -22,3 +23,5 @@ from .study.runs import evaluate_seeds as evaluate_seeds
 from .study.runs import learn as learn
 from .study.runs import learn_seeds as learn_seeds
 from .study.runs import load_run as load_run
+from .study.sweeps import Failed as Failed
+from .study.sweeps import sweep as sweep

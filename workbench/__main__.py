@@ -7,8 +7,10 @@ import argparse
 import json
 import sys
 import time
+from contextlib import ExitStack
 from dataclasses import fields as dataclass_fields
 from dataclasses import is_dataclass
+from pathlib import Path
 from typing import Any
 
 from workbench import fields
@@ -53,6 +55,18 @@ def _parser() -> argparse.ArgumentParser:
 
     verbs.add_parser("bench", help="measure speed against bare MuJoCo, and memory")
 
+    study = verbs.add_parser("study", help="run a study and write its table into data/studies/; continues where it stopped")
+    study.add_argument("name", help="name of a study, 'all', or 'list' to see what there is")
+    study.add_argument(
+        "--scheduler", help="address of a dask scheduler, tcp://HOST:PORT; default: all cores here"
+    )
+    study.add_argument("--workers", type=int, default=0, help="processes on this machine (default: one per core)")
+    study.add_argument("--out", help="folder of the table (default data/studies/)")
+
+    validate = verbs.add_parser("validate", help="compare with recordings of real robots (WORKBENCH_RECORDINGS)")
+    validate.add_argument("what", help="drive")
+    validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
+
     figures = verbs.add_parser("figures", help="run the experiment and all notebooks; regenerate figures/")
     figures.add_argument("--check", action="store_true", help="only tell what would change, and by how much")
     return parser
@@ -72,6 +86,10 @@ def main(arguments: list[str] | None = None) -> int:
             from workbench.study.bench import bench
 
             result = bench()
+        elif flags.verb == "study":
+            result = _study(flags)
+        elif flags.verb == "validate":
+            result = _validate(flags)
         else:
             result = _figures(flags)
             code = 1 if flags.check and result["changed_files"] else 0
@@ -109,6 +127,34 @@ def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
     given = {name: value for name, value in asked.items() if value is not None}
     config = _configure(fields.to_dict(run.config), given, flags.set)
     return dict(runs.evaluate(run.policy, config, minutes=flags.minutes, out=flags.out, resume=flags.resume).summary)
+
+
+def _study(flags: argparse.Namespace) -> dict[str, Any]:
+    from workbench.study.studies import STUDIES, run_study
+
+    if flags.name == "list":
+        for study in STUDIES.values():
+            print(f"{study.name:12} {study.question}")
+        return {"studies": list(STUDIES)}
+    names = list(STUDIES) if flags.name == "all" else [flags.name]
+    out = Path(flags.out) if flags.out else None
+    with ExitStack() as stack:
+        executor = None
+        if flags.scheduler:
+            from distributed import Client
+
+            client = stack.enter_context(Client(flags.scheduler, timeout="20s"))
+            executor = client.get_executor()
+        lines = {name: len(run_study(name, executor=executor, workers=flags.workers, out=out)) for name in names}
+    return {"lines": lines}
+
+
+def _validate(flags: argparse.Namespace) -> dict[str, Any]:
+    if flags.what != "drive":
+        raise ValueError(f"validate {flags.what!r}; expected drive")
+    from workbench.study.validation import validate_drive
+
+    return validate_drive(out=Path(flags.out) if flags.out else None)
 
 
 def _figures(flags: argparse.Namespace) -> dict[str, Any]:

@@ -146,3 +146,14 @@ class ConvoyConfig:
     def with_seed(self, seed: int) -> "ConvoyConfig":
         """Return the same configuration with another seed."""
         return replace(self, seed=seed)
+
+
+# Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-robot": those for its robots;
+# "logarithmic": the paper's other spacing, with a first value that leaves room to improve on; "recommended": what the studies
+# found best, four coarse tilings that together resolve 7 mm × 4.5° (see notebook 12).
+SETTINGS = {
+    "paper": ConvoyConfig(),
+    "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),
+    "logarithmic": ConvoyConfig(distance_tiling="logarithmic", bearing_tiling="logarithmic", learner=LearnerConfig(theta0=0.0)),
+    "recommended": ConvoyConfig(state_tiles=(5, 5), tilings=4),
+}

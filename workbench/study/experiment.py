@@ -106,19 +106,25 @@ def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list
 
 def fingerprint(jobs: list[Job]) -> str:
     """Return a short hash of everything that the runs depend on: requests, sources and versions."""
-    digest = hashlib.sha256()
+    digest = sources_digest()
     for job in jobs:
         digest.update(
             json.dumps([job.name, fields.to_dict(job.config), job.seeds, job.steps, job.minutes, job.policies]).encode()
         )
+    return str(digest.hexdigest()[:12])
+
+
+def sources_digest(*others: str) -> Any:
+    """Return a hash object that has taken in everything but the request: the sources that runs depend on, and versions."""
+    digest = hashlib.sha256()
     package = paths.ROOT / "workbench"
-    for source in _SOURCES:
+    for source in (*_SOURCES, *others):
         files = sorted((package / source).glob("*.py")) if (package / source).is_dir() else [package / source]
         for file in files:
             digest.update(file.read_bytes())
     for name in ("mujoco", "numba", "numpy"):
         digest.update(f"{name}=={version(name)}".encode())
-    return digest.hexdigest()[:12]
+    return digest
 
 
 def _cache(jobs: list[Job], quick: bool) -> Path:

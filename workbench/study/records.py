@@ -138,7 +138,7 @@ def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[
     whole = _numbers(config, records["visits"], records["sums"])
     third = _numbers(config, records["visits"][late], records["sums"][late])
     wanted = (
-        "share_best_cell", "share_best_3x3", "share_best_3x3_all_time", "share_best_cell_all_time", "losses",
+        "share_best_cell", "share_best_3x3", "share_best_3x3_all_time", "share_best_cell_all_time", "losses", "losses_per_hour",
         "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg",
     )  # fmt: skip
     return plain(  # type: ignore[no-any-return]  # a dict of plain values

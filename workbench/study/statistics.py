@@ -11,6 +11,8 @@ with the most visits, as in the paper's Fig. 4.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,22 +44,97 @@ def share_of_block(visits: ArrayLike, place: Place, size: int = 3) -> float:
     return float(counts[row : row + size, column : column + size].sum() / max(counts.sum(), 1))
 
 
-def interval(values: ArrayLike, *, level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
-    """Return mean and bootstrap interval (percentile, 10 000 resamples) over seeds.
+def iqm(values: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
+    """Return the interquartile mean: the mean of what is left without the lowest and the highest quarter."""
+    middle: NDArray[np.float64] = stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
+    return middle
+
+
+_STATISTICS: dict[str, Any] = {"mean": np.mean, "median": np.median, "iqm": iqm}
+
+
+def interval(values: ArrayLike, *, statistic: str = "mean", level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
+    """Return a statistic ("mean", "median" or "iqm") and its bootstrap interval (percentile, 10 000 resamples) over seeds.
 
     Raises:
-        ValueError: fewer than two values, which have no interval.
+        ValueError: fewer than two values, which have no interval; a value that is not finite; an unknown statistic.
     """
+    if statistic not in _STATISTICS:
+        raise ValueError(f"statistic = {statistic!r}; expected one of {', '.join(map(repr, _STATISTICS))}")
     sample = np.asarray(values, dtype=np.float64).ravel()
     if sample.size < 2:
         raise ValueError(f"{sample.size} values have no interval; run at least two seeds, ten for a claim")
-    mean = float(sample.mean())
+    if not np.all(np.isfinite(sample)):
+        raise ValueError(
+            f"{int((~np.isfinite(sample)).sum())} of {sample.size} values are not finite; leave failed runs out and say so, and "
+            "use time_to_criterion for times that were not reached"
+        )
+    function = _STATISTICS[statistic]
+    point = float(function(sample))
     if np.all(sample == sample[0]):
-        return mean, mean, mean
+        return point, point, point
     result = stats.bootstrap(
-        (sample,), np.mean, confidence_level=level, n_resamples=10_000, method="percentile", rng=np.random.default_rng(seed)
+        (sample,), function, confidence_level=level, n_resamples=10_000, method="percentile", rng=np.random.default_rng(seed)
     )
-    return mean, float(result.confidence_interval.low), float(result.confidence_interval.high)
+    return point, float(result.confidence_interval.low), float(result.confidence_interval.high)
+
+
+def paired(
+    values: ArrayLike, reference: ArrayLike, *, statistic: str = "mean", level: float = 0.95, seed: int = 0
+) -> tuple[float, float, float]:
+    """Return the statistic of values - reference, seed by seed, and its bootstrap interval.
+
+    Raises:
+        ValueError: the two have different lengths: then they are no pairs.
+    """
+    first, second = np.asarray(values, dtype=np.float64).ravel(), np.asarray(reference, dtype=np.float64).ravel()
+    if first.size != second.size:
+        raise ValueError(f"{first.size} values and {second.size} references are no pairs; give both for the same seeds in order")
+    return interval(first - second, statistic=statistic, level=level, seed=seed)
+
+
+@dataclass(frozen=True)
+class TimeToCriterion:
+    """When runs reached a criterion, those that never did counted as censored at the end of their run.
+
+    Attributes:
+        n, reached: number of runs, and of those that reached it.
+        median: Kaplan-Meier median; infinite if half of the runs did not reach it.
+        mean, low, high: mean time spent before the criterion, up to the horizon, with its 95 % bootstrap interval over runs.
+        horizon: the shortest length of a run that did not reach it, or the latest time, whichever is larger.
+    """
+
+    n: int
+    reached: int
+    median: float
+    mean: float
+    low: float
+    high: float
+    horizon: float
+
+
+def time_to_criterion(times: ArrayLike, lengths: ArrayLike) -> TimeToCriterion:
+    """Summarise times to a criterion with right censoring.
+
+    Args:
+        times: (n,) time at which each run reached it, NaN where it never did.
+        lengths: (n,) length of each run (or one for all), at which it is censored.
+
+    Raises:
+        ValueError: fewer than two runs, or a time beyond its run.
+    """
+    when = np.asarray(times, dtype=np.float64).ravel()
+    ends = np.broadcast_to(np.asarray(lengths, dtype=np.float64), when.shape)
+    if np.any(when > ends):
+        raise ValueError(f"a time of {np.nanmax(when):g} lies beyond the run's length of {ends.min():g}")
+    open_ended = np.isnan(when)
+    seen = np.where(open_ended, ends, when)
+    survival = stats.ecdf(stats.CensoredData(uncensored=seen[~open_ended], right=seen[open_ended])).sf
+    below = survival.quantiles[survival.probabilities <= 0.5]
+    horizon = float(max(seen[open_ended].min(), seen[~open_ended].max(initial=0)) if open_ended.any() else ends.max())
+    mean, low, high = interval(np.minimum(seen, horizon))
+    reached = int((~open_ended).sum())
+    return TimeToCriterion(when.size, reached, float(below[0]) if below.size else math.inf, mean, low, high, horizon)
 
 
 def moments(count: ArrayLike, total: ArrayLike, squares: ArrayLike) -> tuple[float, float, float]:

@@ -39,6 +39,11 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
         raise ValueError(f"{path} is damaged: {error}; restore it or run again") from error
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file from bytes."""
+    _write(path, lambda file: file.write(content))
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write a value as indented JSON; numbers that are not finite become null."""
     text = json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
