@@ -57,9 +57,7 @@ def _parser() -> argparse.ArgumentParser:
 
     study = verbs.add_parser("study", help="run a study and write its table into data/studies/; continues where it stopped")
     study.add_argument("name", help="name of a study, 'all', or 'list' to see what there is")
-    study.add_argument(
-        "--scheduler", help="address of a dask scheduler, tcp://HOST:PORT; default: all cores here"
-    )
+    study.add_argument("--scheduler", help="address of a dask scheduler, tcp://HOST:PORT; default: all cores here")
     study.add_argument("--workers", type=int, default=0, help="processes on this machine (default: one per core)")
     study.add_argument("--out", help="folder of the table (default data/studies/)")
 

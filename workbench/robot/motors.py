@@ -17,6 +17,7 @@ from numba import njit
 from workbench.robot.geometry import STEP, STEPS_PER_TURN, TRACK
 
 MAX_STEPS = 1000  # steps/s, the firmware's clamp
+MAX_STEPS_EPUCK2 = 1100  # steps/s
 TICKS = 10_000  # timer ticks per second
 RADIANS_PER_STEP = 2 * math.pi / STEPS_PER_TURN
 
@@ -28,6 +29,15 @@ def motor_speed(command: int) -> float:
     if speed == 0:
         return 0.0
     real = TICKS / (TICKS // speed)
+    return real if command > 0 else -real
+
+
+def motor_speed_epuck2(command: int) -> float:
+    """Return the steps/s of an e-puck2 for the same command: half steps of a timer of 10 µs, at most ±1100 (its src/motors.c)."""
+    speed = min(abs(command), MAX_STEPS_EPUCK2)
+    if speed == 0:
+        return 0.0
+    real = 100_000 / (2 * int(100_000 / (2 * speed)))
     return real if command > 0 else -real
 
 

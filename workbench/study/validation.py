@@ -1,0 +1,190 @@
+"""The simulated robot beside recordings of real ones. Recordings stay where they are; only aggregates are written.
+
+``validate_drive`` replays the set-points of real e-puck2 robots that drove in a straight line (Texas Tech design project, April
+2025, github MarkDannemiller/ttu_dp_elisa3_python, commit d9fc889) on one simulated robot and compares how far both went. There
+
+* files come at two rates. At 9.25 Hz the units below hold; in the earlier files, at 3.25 Hz, the counters advance at a third of
+  what was commanded, which nobody explains: they are reported apart and decide nothing;
+
+* a set-point of 1 means 100 motor steps/s, although the column says rad/s;
+* only ``…_position_m`` is measured (from the motors' step counters, which says nothing about slip);
+* the first motion comes seconds after the first command (network): this start-up delay is removed, and nothing else is fitted.
+
+The workbench's motors follow the firmware of the e-puck1, whose timer makes other speeds of the same command than the e-puck2's;
+the replay is done with both rules.
+
+Contract: nothing here feeds back into the simulator.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from workbench import paths
+from workbench.arena.model import TIMESTEP
+from workbench.arena.tracks import TrackConfig, make_track
+from workbench.arena.world import World
+from workbench.robot.geometry import STEP
+from workbench.robot.motors import RADIANS_PER_STEP, motor_speed, motor_speed_epuck2
+from workbench.study.storage import write_bytes, write_json
+
+Floats = NDArray[np.float64]
+FOLDER = paths.DATA / "validation"
+RECORDINGS = "ttu_epuck2_leader_follower"
+STEPS_PER_UNIT = 100.0  # motor steps/s per unit of a set-point
+ROBOTS = ("leader", "follower", "second_follower")
+TOO_FAST_MPS = 0.3  # twice what the robot can do: a reading that implies it is a transmission error
+MOVED_M = 0.002
+SLOW_LOG_S, GAP_S = 0.2, 0.5  # s between rows: what tells the two kinds of log apart, and where rows are missing
+WINDOW_S = 1.0
+RULES: dict[str, Callable[[int], float]] = {"e-puck1": motor_speed, "e-puck2": motor_speed_epuck2}
+
+
+def validate_drive(*, out: Path | None = None) -> dict[str, Any]:
+    """Replay all recordings that hold set-points, write drive.csv and drive.json, and return the aggregates.
+
+    Args:
+        out: folder of the aggregates, default data/validation/.
+
+    Raises:
+        FileNotFoundError: WORKBENCH_RECORDINGS or the recordings in it are missing.
+    """
+    source = paths.recordings() / RECORDINGS
+    files = sorted(source.glob("epuck-exp-*.csv"))
+    if not files:
+        raise FileNotFoundError(f"{source} holds no epuck-exp-*.csv; expected the recordings of straight drives there")
+    lines = [line for file in files for line in _compare_file(file)]
+    table = pd.DataFrame(lines)
+    folder = out or FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    summary = _aggregate(table)
+    write_bytes(folder / "drive.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode())
+    write_json(
+        folder / "drive.json",
+        {
+            "what": "real e-puck2 against the simulated robot at the same set-points, straight drives; start-up delay removed",
+            "source": "github MarkDannemiller/ttu_dp_elisa3_python, commit d9fc88959c9105d374a713e42aa1b4d27e8dce4f, test-data",
+            "files_with_set_points": int(table["file"].nunique()), "robot_runs": int(len(table) // (len(RULES) * len(TIMESTEP))),
+            "steps_per_s_per_unit": STEPS_PER_UNIT, "window_s": WINDOW_S, "aggregates": summary,
+        },
+    )  # fmt: skip
+    return {"aggregates": summary, "written": ["drive.csv", "drive.json"]}
+
+
+def replay(drive: str, rule: str, times_s: Floats, commands: Floats, at_s: Floats) -> Floats:
+    """Return how far (m) one simulated robot has driven straight at ``at_s`` if commands (steps/s) begin at ``times_s``.
+
+    Args:
+        drive: "wheels" or "planar".
+        rule: whose firmware makes a speed of a command, one of RULES.
+        times_s, commands: (K,) when each command begins, rising, and the command of both wheels; it holds until the next.
+        at_s: (T,) times to report, rising.
+    """
+    world = World(0, [make_track(TrackConfig(judder="none"), np.random.default_rng(0))], drive=drive, spacing_m=0.15)
+    world.place(0, 0, 0.0, 0.0, 0.0)
+    step = TIMESTEP[drive]
+    begin = np.round(times_s / step).astype(int)
+    wanted = np.round(at_s / step).astype(int)
+    scale = RADIANS_PER_STEP if drive == "wheels" else STEP
+    speeds = np.array([RULES[rule](round(command)) for command in commands]) * scale
+    last = int(max(wanted.max(), 0))
+    driven = np.zeros(last + 1)
+    active = np.searchsorted(begin, np.arange(last + 1), side="right") - 1
+    for tick in range(last + 1):
+        driven[tick] = world.pose(0, 0)[0]
+        world.ctrl[0, :2] = speeds[active[tick]] if active[tick] >= 0 else 0.0
+        world.batch.step(nstep=1)
+    reached: Floats = driven[np.maximum(wanted, 0)]
+    return reached
+
+
+def _compare_file(path: Path) -> list[dict[str, Any]]:
+    frame = pd.read_csv(path)
+    lines = []
+    for robot in ROBOTS:
+        names = [f"{robot}_left_setpoint_radps", f"{robot}_right_setpoint_radps", f"{robot}_position_m"]
+        if "timestamp_s" not in frame or not set(names) <= set(frame.columns):
+            continue
+        time, left, right, position = (frame[name].to_numpy(float) for name in ("timestamp_s", *names))
+        if not np.allclose(left, right):
+            raise ValueError(f"{path.name}: {robot} steers; this comparison is for straight drives")
+        good, gap = _plausible(time, position), float(np.diff(time).max())
+        slow = float(np.median(np.diff(time))) > SLOW_LOG_S
+        log = "3 Hz" if slow else ("9 Hz, with gaps" if gap > GAP_S else "9 Hz")
+        delay = start_up_delay(time[good], left[good] * STEPS_PER_UNIT, position[good])
+        if math.isnan(delay):
+            continue  # never commanded, or never moved
+        for drive in TIMESTEP:
+            for rule in RULES:
+                simulated = replay(drive, rule, time + delay, left * STEPS_PER_UNIT, time[good])
+                errors = _errors(time[good], position[good] - position[good][0], simulated)
+                lines.append(
+                    {
+                        "file": path.stem, "robot": robot, "log": log, "longest_gap_s": gap,
+                        "set_points": "constant" if np.ptp(left) == 0 else "changing",
+                        "drive": drive, "firmware": rule, "rows": int(good.sum()), "rows_dropped": int((~good).sum()),
+                        "start_up_delay_s": delay, "mean_command_steps_s": float(np.abs(left).mean() * STEPS_PER_UNIT),
+                    } | errors
+                )  # fmt: skip
+    return lines
+
+
+def start_up_delay(time_s: Floats, command: Floats, position_m: Floats) -> float:
+    """Return the time (s) from the first command to the first motion, NaN if there is none.
+
+    The start of the motion lies between two rows; it is placed by the speed between the two rows that follow.
+    """
+    commanded = np.flatnonzero(command != 0)
+    moved = np.flatnonzero(np.abs(position_m - position_m[0]) > MOVED_M)
+    if not commanded.size or not moved.size or moved[0] + 1 >= len(time_s):
+        return math.nan
+    k = int(moved[0])
+    speed = (position_m[k + 1] - position_m[k]) / (time_s[k + 1] - time_s[k])
+    since = (position_m[k] - position_m[0]) / speed if speed * (position_m[k] - position_m[0]) > 0 else 0.0
+    begun = min(max(time_s[k] - since, time_s[k - 1]), time_s[k])
+    return float(max(begun - time_s[commanded[0]], 0.0))
+
+
+def _plausible(time_s: Floats, position_m: Floats) -> NDArray[np.bool_]:
+    """Return which rows hold a position that the robot can have reached from the last plausible one."""
+    good = np.zeros(len(time_s), bool)
+    good[0], last = True, 0
+    for k in range(1, len(time_s)):
+        good[k] = abs(position_m[k] - position_m[last]) <= TOO_FAST_MPS * (time_s[k] - time_s[last]) + MOVED_M
+        if good[k]:
+            last = k
+    return good
+
+
+def _errors(time_s: Floats, real_m: Floats, simulated_m: Floats) -> dict[str, float]:
+    error = 1000 * (simulated_m - real_m)
+    ends = np.searchsorted(time_s, time_s + WINDOW_S)
+    inside = ends < len(time_s)
+    begin, end = np.flatnonzero(inside), ends[inside]
+    per_window = error[end] - error[begin]
+    travelled = float(np.abs(np.diff(real_m)).sum())
+    return {
+        "travelled_m": travelled,
+        "distance_ratio": float(np.abs(np.diff(simulated_m)).sum() / travelled),
+        "rms_error_mm": float(np.sqrt(np.mean(error**2))),
+        "largest_error_mm": float(np.abs(error).max()),
+        "rms_error_1s_mm": float(np.sqrt(np.mean(per_window**2))),
+    }
+
+
+def _aggregate(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return medians and ranges over robot-runs, per kind of log and of set-points, drive and firmware rule."""
+    lines = []
+    keys = ["log", "set_points", "drive", "firmware"]
+    for names, part in table.groupby(keys):
+        numbers: dict[str, Any] = dict(zip(keys, names, strict=True)) | {"robot_runs": len(part)}
+        for name in ("start_up_delay_s", "distance_ratio", "rms_error_mm", "rms_error_1s_mm"):
+            values = part[name]
+            numbers[name] = {"median": values.median(), "lowest": values.min(), "highest": values.max()}
+        lines.append(numbers)
+    return lines
