@@ -9,7 +9,7 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import LOSS, STEP
 from workbench.formation.reset import LOST, TURN
 from workbench.study.records import SUMS, Recorder, sampled_blocks, summarise
-from workbench.study.statistics import best_block, best_cell, interval, moments, share_of_block
+from workbench.study.statistics import best_block, best_cell, interval, iqm, moments, paired, share_of_block, time_to_criterion
 
 
 def test_best_cell_and_block_by_hand():
@@ -105,3 +105,45 @@ def test_sampled_blocks_are_the_stated_ones_and_survive_saving_and_loading():
     for name, array in recorder.records().items():
         assert array.tobytes() == twin.records()[name].tobytes(), name
     assert recorder.records()["sums"].shape == (10, 1, len(SUMS))
+
+
+def test_the_interquartile_mean_drops_a_quarter_at_both_ends():
+    assert iqm([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -50.0]) == pytest.approx((2 + 3 + 4 + 5) / 4)
+    point, low, high = interval([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -50.0], statistic="iqm")
+    assert low <= point <= high and point == pytest.approx(3.5)
+
+
+def test_pairs_remove_what_seeds_have_in_common():
+    rng = np.random.default_rng(0)
+    seed_effect = rng.normal(0, 10, 12)
+    treated, plain = seed_effect + 1 + rng.normal(0, 0.1, 12), seed_effect + rng.normal(0, 0.1, 12)
+    mean, low, high = paired(treated, plain)
+    assert 0.8 < low < mean < high < 1.2
+    apart = interval(treated)[2] - interval(treated)[1]
+    assert high - low < apart / 20
+
+
+def test_times_to_a_criterion_count_runs_that_never_reached_it():
+    nan = float("nan")
+    summary = time_to_criterion([10.0, 20.0, 30.0, nan], 100.0)
+    assert (summary.n, summary.reached) == (4, 3)
+    assert summary.median == 20.0  # after 20, half of the runs remain: S(20) = 3/4 · 2/3 = 1/2
+    assert summary.mean == pytest.approx((10 + 20 + 30 + 100) / 4) and summary.horizon == 100.0
+    assert time_to_criterion([10.0, nan, nan], 100.0).median == np.inf
+    early = time_to_criterion([10.0, 20.0, nan], [50.0, 50.0, 15.0])  # the third was stopped before the second reached it
+    assert early.median == 20.0  # S(10) = 2/3, S(20) = 2/3 · 0 = 0
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: interval([1.0, np.nan]), "1 of 2 values are not finite"),
+        (lambda: interval([1.0, 2.0], statistic="mode"), "statistic = 'mode'; expected one of 'mean', 'median', 'iqm'"),
+        (lambda: paired([1.0, 2.0], [1.0]), "2 values and 1 references are no pairs"),
+        (lambda: time_to_criterion([10.0, 200.0], 100.0), "a time of 200 lies beyond the run's length of 100"),
+        (lambda: time_to_criterion([10.0], 100.0), "1 values have no interval"),
+    ],
+)
+def test_statistics_refuse_what_they_cannot_answer(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -22,6 +22,8 @@ from workbench.formation.convoy import BLOCK, Convoy
 from workbench.learning.behaviour import greedy_action
 from workbench.learning.kernel import gq_update, new_trace
 from workbench.study.records import Recorder
+from workbench.study.runs import learn
+from workbench.study.sweeps import cores, sweep
 
 _EVERY = {"wheels": 4, "planar": 1, "4": 1, "64": 9}  # long blocks take fewer turns
 
@@ -111,7 +113,29 @@ def bench(*, turns: int = 36) -> dict[str, Any]:
         growth[name] = result[f"robot_us_{name}"] / result[f"robot_bare_us_{name}"]
     result["robot_growth_over_bare"] = growth["64"] / growth["4"]
     result["peak_mib"] = peak_mib()
-    return result
+    return result | _sweeps()
+
+
+def short_run(config: ConvoyConfig) -> int:
+    """Learn 20 000 updates; return the number of losses."""
+    return int(learn(config, steps=20_000, progress=False).summary["losses"])
+
+
+def _sweeps(runs: int = 200) -> dict[str, float]:
+    """Return the time of a sweep in this process and on all cores, start of the processes included."""
+    configs = [ConvoyConfig(drive="planar", seed=seed) for seed in range(runs)]
+    taken = {}
+    for workers in (1, cores()):
+        begun = time.perf_counter()
+        results = sweep(short_run, configs, workers=workers, progress=False)
+        taken[workers] = (time.perf_counter() - begun, results)
+    (serial, expected), (local, found) = taken[1], taken[cores()]
+    if expected != found:
+        raise RuntimeError("serial and parallel sweeps differ; their times cannot be compared")
+    return {
+        "sweep_runs": runs, "sweep_workers": cores(), "sweep_serial_s": serial, "sweep_local_s": local,
+        "sweep_speedup": serial / local,
+    }  # fmt: skip
 
 
 def peak_mib() -> float:

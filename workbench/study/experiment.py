@@ -12,12 +12,7 @@ loaded and what is missing is run, on all cores, one process per core.
 
 import hashlib
 import json
-import multiprocessing
-import os
-import queue
 import shutil
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -26,8 +21,8 @@ from typing import Any
 from workbench import fields, paths
 from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
-from workbench.study.progress import report
-from workbench.study.runs import Run, evaluate_seeds, learn_seeds, load_run
+from workbench.study.runs import Run, evaluate, learn, load_run
+from workbench.study.sweeps import Failed, sweep
 
 SHIFT_TRACKS = {
     "clockwise": TrackConfig(direction="clockwise"),
@@ -35,7 +30,6 @@ SHIFT_TRACKS = {
     "eight": TrackConfig(shape="eight"),
 }
 SHIFT_REWARDS = ("quadratic", "absolute", "distance")
-_COST = {"wheels": 10, "planar": 1}  # relative time of one control period, for the progress bar only
 _SOURCES = (
     "learning",
     "robot",
@@ -51,66 +45,76 @@ _SOURCES = (
 
 @dataclass(frozen=True)
 class Job:
-    """One batch of formations: learning (steps > 0), or the evaluation of other jobs' policies (minutes > 0)."""
+    """One run: learning (steps > 0), or the evaluation of another job's policy (minutes > 0)."""
 
-    name: str
+    group: str
     config: ConvoyConfig
-    seeds: tuple[int, ...]
     steps: int = 0
     minutes: float = 0.0
-    policies: tuple[str, ...] = ()  # jobs of one run each, whose policies the seeds follow in turn
+    follows: str = ""  # folder of the run whose policy is evaluated
 
     @property
-    def units(self) -> int:
-        """Updates or control periods of the whole batch."""
-        return len(self.seeds) * (self.steps or round(self.minutes * 600))
-
-    @property
-    def unit_cost(self) -> int:
-        """Relative time of one unit."""
-        per_period = _COST[self.config.drive] * (1 if self.minutes else 1 / self.config.followers)
-        return round(8 * per_period)
+    def name(self) -> str:
+        """Folder of the run within the cache."""
+        return f"{self.group.replace('/', '-')}/seed-{self.config.seed}"
 
 
 def paper_jobs(*, quick: bool) -> list[Job]:
-    """Return all jobs; quick ones, three blocks long, only exercise the code."""
-    full = not quick
-    steps, minutes, shift_steps = (1_300_000, 30.0, 100_000) if full else (27_000, 13.0, 27_000)
-    seeds = tuple(range(1, 11)) if full else (1, 2)
+    """Return all jobs, evaluations last; quick ones, three blocks long, only exercise the code."""
+    steps, minutes, shift_steps = (27_000, 13.0, 27_000) if quick else (1_300_000, 30.0, 100_000)
+    seeds = (1, 2) if quick else tuple(range(1, 11))
     base = ConvoyConfig()
     planar = replace(base, drive="planar")
-    jobs = [Job(f"wheels/{seed}", base, (seed,), steps) for seed in (1, 2, 3)]
-    jobs.append(Job("planar", planar, seeds, steps))
+    wheels = [Job("wheels", base.with_seed(seed), steps) for seed in (1, 2, 3)]
+    short = [Job("planar", planar.with_seed(seed), steps) for seed in seeds]
     for track, layout in SHIFT_TRACKS.items():
         for reward in SHIFT_REWARDS:
             config = replace(planar, track=layout, reward=reward)
-            jobs.append(Job(f"shift/{track}/{reward}", config, seeds, shift_steps))
-    judged = tuple(range(101, 111)) if full else (101, 102)
-    wheels = tuple(job.name for job in jobs if job.name.startswith("wheels/"))
-    jobs.append(Job("greedy", base, judged, minutes=minutes, policies=wheels))
-    return jobs
+            short += [Job(f"shift/{track}/{reward}", config.with_seed(seed), shift_steps) for seed in seeds]
+    judged = (101, 102) if quick else tuple(range(101, 111))
+    greedy = [Job("greedy", base.with_seed(s), 0, minutes, wheels[k % len(wheels)].name) for k, s in enumerate(judged)]
+    third = len(seeds)  # the long runs are spread, so that no core idles at the end and the bar moves from the start
+    return [wheels[0], *short[:third], wheels[1], *short[third : 4 * third], wheels[2], *short[4 * third :], *greedy]
 
 
 def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list[Run]]:
-    """Return the runs of every job by name, running what is not stored yet.
+    """Return the runs of every group by name, running what is not stored yet.
 
     Args:
         quick: the short version, for tests.
         workers: processes, 0 for one per core.
+
+    Raises:
+        RuntimeError: a run failed; the others are stored.
     """
     jobs = paper_jobs(quick=quick)
     folder = _cache(jobs, quick)
-    _run_missing([job for job in jobs if not _complete(folder, job)], folder, workers)
-    return {job.name: [load_run(_place(folder, job) / f"seed-{seed}") for seed in job.seeds] for job in jobs}
+    missing = [job for job in jobs if not (folder / job.name / "summary.json").is_file()]
+    for stage in ([job for job in missing if job.steps], [job for job in missing if not job.steps]):
+        for result in sweep(_run, [(job, folder) for job in stage], workers=workers) if stage else []:
+            if isinstance(result, Failed):
+                raise RuntimeError(f"{result.config[0].name}: {result.error}\n{result.trace}")
+    runs: dict[str, list[Run]] = {}
+    for job in jobs:
+        runs.setdefault(job.group, []).append(load_run(folder / job.name))
+    return runs
+
+
+def _run(request: tuple[Job, Path]) -> None:
+    """Do one job in a worker process; what it makes is kept in its folder."""
+    job, folder = request
+    if job.steps:
+        learn(job.config, steps=job.steps, out=folder / job.name, resume=True, progress=False)
+    else:
+        policy = load_run(folder / job.follows).policy
+        evaluate(policy, job.config, minutes=job.minutes, out=folder / job.name, resume=True, progress=False)
 
 
 def fingerprint(jobs: list[Job]) -> str:
     """Return a short hash of everything that the runs depend on: requests, sources and versions."""
     digest = sources_digest()
     for job in jobs:
-        digest.update(
-            json.dumps([job.name, fields.to_dict(job.config), job.seeds, job.steps, job.minutes, job.policies]).encode()
-        )
+        digest.update(json.dumps([job.name, fields.to_dict(job.config), job.steps, job.minutes, job.follows]).encode())
     return str(digest.hexdigest()[:12])
 
 
@@ -136,64 +140,3 @@ def _cache(jobs: list[Job], quick: bool) -> Path:
             shutil.rmtree(old)
     folder.mkdir(parents=True, exist_ok=True)
     return folder
-
-
-def _place(folder: Path, job: Job) -> Path:
-    return folder / job.name.replace("/", "-")
-
-
-def _complete(folder: Path, job: Job) -> bool:
-    return all((_place(folder, job) / f"seed-{seed}" / "summary.json").is_file() for seed in job.seeds)
-
-
-def _run_missing(missing: list[Job], folder: Path, workers: int) -> None:
-    if not missing:
-        return
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(workers or cores, mp_context=context) as pool:
-        ticks = manager.Queue()
-        waiting = sorted(missing, key=lambda job: -job.units * job.unit_cost)  # longest first: no core idles at the end
-        running = set[Future[None]]()
-        total = sum(job.units * job.unit_cost for job in missing)
-        with report(True, total, f"{len(missing)} batches of runs", unit="") as tell:
-            while waiting or running:
-                for job in [job for job in waiting if _ready(folder, job)][: (workers or cores) - len(running)]:
-                    waiting.remove(job)
-                    running.add(pool.submit(_run_job, job, folder, ticks))
-                done, running = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
-                for future in done:
-                    future.result()  # raises what the job raised
-                _drain(ticks, tell)
-
-
-def _learned(folder: Path, job: Job) -> list[Path]:
-    """Return the runs whose policies an evaluation follows: the job "wheels/2" has the one seed 2."""
-    return [folder / name.replace("/", "-") / f"seed-{name.rsplit('/', 1)[1]}" for name in job.policies]
-
-
-def _ready(folder: Path, job: Job) -> bool:
-    return all((place / "summary.json").is_file() for place in _learned(folder, job))
-
-
-def _drain(ticks: Any, tell: Callable[[int], None]) -> None:
-    while True:
-        try:
-            tell(ticks.get_nowait())
-        except queue.Empty:
-            return
-
-
-def _run_job(job: Job, folder: Path, ticks: Any) -> None:
-    """Run one job in a worker process, on one thread."""
-
-    def tell(count: int) -> None:
-        ticks.put(count * job.unit_cost)
-
-    place = _place(folder, job)
-    if job.steps:
-        learn_seeds(job.config, job.seeds, steps=job.steps, out=place, resume=True, progress=tell, threads=1)
-        return
-    learned = [load_run(run).policy for run in _learned(folder, job)]
-    policies = [learned[k % len(learned)] for k in range(len(job.seeds))]
-    evaluate_seeds(policies, job.config, job.seeds, minutes=job.minutes, out=place, resume=True, progress=tell, threads=1)

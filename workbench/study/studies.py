@@ -178,6 +178,7 @@ def run_study(
     executor: Executor | None = None,
     workers: int = 0,
     out: Path | None = None,
+    store: Path | None = None,
     quick: bool = paths.QUICK,
     progress: bool = True,
 ) -> pd.DataFrame:
@@ -187,6 +188,7 @@ def run_study(
         name: one of STUDIES.
         executor, workers: see ``sweep``.
         out: folder of the table.
+        store: folder of finished trials, default runs/.cache/.
         quick: two seeds and 2 000 updates per trial: exercises the code, means nothing.
 
     Raises:
@@ -197,8 +199,8 @@ def run_study(
         raise ValueError(f"study {name!r}; expected one of {', '.join(STUDIES)}")
     study, seeds = STUDIES[name], (1, 2) if quick else tuple(range(1, 11))
     labels, trials = study.trials(seeds, quick=quick)
-    store = paths.RUNS / ".cache" / f"trials-{sources_digest('study/trials.py').hexdigest()[:12]}"
-    results = sweep(study.function, trials, executor, store=store, workers=workers, progress=progress)
+    place = store or paths.RUNS / ".cache" / f"trials-{sources_digest('study/trials.py').hexdigest()[:12]}"
+    results = sweep(study.function, trials, executor, store=place, workers=workers, progress=progress)
     failures = [result for result in results if isinstance(result, Failed)]
     if failures:
         raise RuntimeError(f"study {name!r}: {len(failures)} of {len(trials)} trials failed; first: {failures[0].error}")
