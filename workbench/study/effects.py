@@ -1,0 +1,71 @@
+"""From a study's table to what it says: numbers per condition, and differences from a reference condition, seed by seed.
+
+>>> table = pd.DataFrame({"lam": [0, 0, 1, 1], "seed": [1, 2, 1, 2], "losses": [10, 20, 12, 24]})
+>>> by_condition(table, ["lam"], "losses")[["lam", "value", "low", "high", "seeds"]].values.tolist()
+[[0.0, 15.0, 10.0, 20.0, 2.0], [1.0, 18.0, 12.0, 24.0, 2.0]]
+>>> difference(table, ["lam"], "losses", {"lam": 0})[["lam", "value", "low", "high"]].values.tolist()
+[[0.0, 0.0, 0.0, 0.0], [1.0, 3.0, 2.0, 4.0]]
+
+Contract: conditions keep the order in which the table has them; seeds are the unit of every interval (95 % bootstrap).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from workbench.study.statistics import TimeToCriterion, interval, paired, time_to_criterion
+
+
+def by_condition(table: pd.DataFrame, keys: Sequence[str], value: str, *, statistic: str = "mean") -> pd.DataFrame:
+    """Return one line per condition: its keys, "value", "low", "high" and "seeds".
+
+    Args:
+        table: one line per condition and seed.
+        keys: the columns that name a condition.
+        value: the column to summarise.
+        statistic: "mean", "median" or "iqm".
+    """
+    lines = []
+    for names, part in table.groupby(list(keys), sort=False):
+        lines.append((*names, *interval(part[value], statistic=statistic), len(part)))
+    return pd.DataFrame(lines, columns=[*keys, "value", "low", "high", "seeds"])
+
+
+def difference(
+    table: pd.DataFrame, keys: Sequence[str], value: str, reference: Mapping[str, Any], *, statistic: str = "mean"
+) -> pd.DataFrame:
+    """Return one line per condition: how far it is from a reference condition, paired by seed.
+
+    Args:
+        reference: the keys of the reference condition; keys that it leaves out are compared within.
+
+    Raises:
+        ValueError: there is no such condition, or its seeds are not those of the others.
+    """
+    lines = []
+    within = [key for key in keys if key not in reference]
+    for names, part in table.groupby(list(keys), sort=False):
+        wanted = dict(zip(keys, names, strict=True)) | dict(reference)
+        base = table
+        for key in [*within, *reference]:
+            base = base[base[key] == wanted[key]]
+        if list(base["seed"]) != list(part["seed"]):
+            raise ValueError(f"reference {wanted!r} has seeds {list(base['seed'])}, {names!r} has {list(part['seed'])}")
+        lines.append((*names, *paired(part[value], base[value], statistic=statistic), len(part)))
+    return pd.DataFrame(lines, columns=[*keys, "value", "low", "high", "seeds"])
+
+
+def criterion_times(table: pd.DataFrame, keys: Sequence[str], value: str, length: float) -> pd.DataFrame:
+    """Return one line per condition: runs that reached a criterion, the median time, and the mean time up to ``length``."""
+    lines = []
+    for names, part in table.groupby(list(keys), sort=False):
+        times: TimeToCriterion = time_to_criterion(part[value], length)
+        lines.append((*names, times.n, times.reached, times.median, times.mean, times.low, times.high))
+    return pd.DataFrame(lines, columns=[*keys, "seeds", "reached", "median", "value", "low", "high"])
+
+
+def said(line: Any, unit: str = "", digits: int = 1) -> str:
+    """Return a line's number and interval in words, e.g. "3.2 mm [2.9, 3.6], n = 10"."""
+    number, low, high = (f"{line[name]:.{digits}f}" for name in ("value", "low", "high"))
+    return f"{number}{unit and ' ' + unit} [{low}, {high}], n = {int(line['seeds'])}"

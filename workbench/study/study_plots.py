@@ -1,0 +1,89 @@
+"""Plots of studies: a quantity against a level or for named conditions, each mean with its interval over seeds.
+
+Like all plots they take data, draw on ``ax`` and return it. The tables come from ``workbench.study.effects``.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from workbench.study.style import CYCLE, MARKERS, new_axes, note
+
+BAND = "mean, 95 % bootstrap interval over seeds"
+
+
+def curves(
+    summary: pd.DataFrame,
+    x: str,
+    *,
+    by: str,
+    xlabel: str,
+    ylabel: str,
+    ax: Axes | None = None,
+    log: bool = False,
+    legend: bool = True,
+) -> Axes:
+    """Draw value against a numeric level, one line per case of ``by``, with intervals.
+
+    Args:
+        summary: lines with columns x, by, "value", "low", "high", "seeds".
+        log: whether the value axis is logarithmic.
+    """
+    ax = ax or new_axes(5.4, 3.6)
+    cases = list(summary[by].unique())
+    span = np.ptp(summary[x].to_numpy(float)) or 1.0
+    for number, case in enumerate(cases):
+        part = summary[summary[by] == case]
+        shift = 0.008 * span * (number - (len(cases) - 1) / 2)
+        spread = np.array([part["value"] - part["low"], part["high"] - part["value"]])
+        ax.errorbar(
+            part[x] + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number], markersize=5,
+            linestyle=("-", "--", ":", "-.")[number % 4], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
+        )  # fmt: skip
+    if log:
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(bottom=min(0.0, float(summary["low"].min())))
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    note(ax, f"{BAND}, n = {_seeds(summary)}")
+    ax.legend()
+    return ax
+
+
+def dots(
+    summary: pd.DataFrame, rows: str, *, xlabel: str, ax: Axes | None = None, reference: float | None = None, number: int = 0
+) -> Axes:
+    """Draw one row per condition: its mean and interval as a dot with bars, on a value axis.
+
+    Args:
+        summary: lines with columns rows, "value", "low", "high", "seeds".
+        reference: a value to mark with a vertical line.
+        number: of colour and marker.
+    """
+    ax = ax or new_axes(5.4, 0.32 * len(summary) + 1.2)
+    places = np.arange(len(summary))
+    spread = np.array([summary["value"] - summary["low"], summary["high"] - summary["value"]])
+    if reference is not None:
+        ax.axvline(reference, color="#777777", linestyle=":", linewidth=1)
+    ax.errorbar(
+        summary["value"], places, xerr=np.maximum(spread, 0), fmt=MARKERS[number], color=CYCLE[number], markersize=5, capsize=2.5
+    )
+    ax.set_yticks(places, [str(name) for name in summary[rows]])
+    ax.set_ylim(len(summary) - 0.5, -0.5)
+    ax.set_xlabel(xlabel)
+    note(ax, f"{BAND}, n = {_seeds(summary)}")
+    return ax
+
+
+def beside(axes: Sequence[Axes]) -> None:
+    """Leave the row names to the first of several dot plots side by side."""
+    for ax in axes[1:]:
+        ax.set_yticklabels([])
+
+
+def _seeds(summary: pd.DataFrame) -> str:
+    seeds = sorted(summary["seeds"].unique())
+    return str(seeds[0]) if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]}"
