@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from workbench.study.effects import by_condition, criterion_times, difference, said
+from workbench.study.effects import by_condition, clear_from, criterion_times, difference, said
 from workbench.study.study_plots import beside, curves, dots
 from workbench.study.style import new_axes
 
@@ -47,6 +47,14 @@ def test_criterion_times_count_what_was_never_reached():
     times = criterion_times(table, ["tiles"], "time", 200.0).set_index("tiles")
     assert times.loc[9][["seeds", "reached", "median", "value"]].tolist() == [20, 20, 50, 50]
     assert times.loc[3][["reached", "median", "value"]].tolist() == [0, np.inf, 200]
+
+
+@pytest.mark.parametrize(
+    ("lows", "wanted"), [([-1, 0.5, -0.1, 2, 3], 4), ([1, 1, 1, 1, 1], 1), ([1, 1, 1, 1, -1], np.inf), ([-1, -1, -1, -1, 0.1], 5)]
+)
+def test_an_effect_is_clear_from_the_level_after_which_every_interval_is_above_zero(lows, wanted):
+    lines = pd.DataFrame({"level": [1, 2, 3, 4, 5], "low": lows}).sample(frac=1, random_state=0)
+    assert clear_from(lines, "level") == wanted
 
 
 def test_numbers_in_words():

@@ -32,15 +32,14 @@ from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World, read_pose, write_command
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.errors import observe
-from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, STEP, TASK, act, begin_episode, learn
+from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, STEP, act, begin_episode, learn
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
-from workbench.formation.reward import PRESETS, terminal_reward
-from workbench.learning.behaviour import SCHEDULES, epsilon_at
+from workbench.formation.task import fill_task
+from workbench.learning.behaviour import epsilon_at
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
 from workbench.robot.geometry import GROUND_SENSOR_X, GROUND_SENSOR_Y
-from workbench.robot.geometry import STEP as STEP_LENGTH
 from workbench.robot.ground import ground_reading
 
 BLOCK = 2500  # control periods
@@ -197,7 +196,7 @@ class Convoy:
             self._robots["learns"][:, 1:] = 1
             if config.weights == "first":
                 self._robots["learns"][:, 2:] = 0
-        self._task = _task(config, steps, self.world)
+        self._task = fill_task(config, steps, self.world)
         self._chance = np.zeros((count, BLOCK, 3 + n))
         self._sensor, self._policy = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n))
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
@@ -227,6 +226,12 @@ class Convoy:
     def finished(self) -> bool:
         """Whether every formation has used up its steps or periods."""
         return bool(np.all(self._formations["done"]))
+
+    @property
+    def trace_entries(self) -> NDArray[np.int64]:
+        """(B, followers) entries of each follower's eligibility trace now."""
+        entries: NDArray[np.int64] = self._robots["trace"][:, 1:].copy()
+        return entries
 
     def run_block(self) -> NDArray[np.void]:
         """Run up to BLOCK control periods and return their records, (B, BLOCK, followers + 1) of type STEP.
@@ -368,36 +373,3 @@ def _children(seed: int) -> dict[str, np.random.Generator]:
     """Return the named generators of one seed."""
     spawned = np.random.SeedSequence(seed).spawn(len(CHILDREN))
     return {name: np.random.default_rng(child) for name, child in zip(CHILDREN, spawned, strict=True)}
-
-
-def _task(config: ConvoyConfig, steps: int, world: World) -> NDArray[np.void]:
-    """Fill the TASK record of a configuration."""
-    task = np.zeros(1, TASK)
-    rows = 0
-    for k, grid in enumerate(config.grids()):
-        for name, tiling in zip(("distance", "bearing"), grid.tilings, strict=True):
-            task[f"{name}_edges"][0, k, : tiling.n + 1] = tiling.edges
-            task[f"{name}_tiles"][0, k] = tiling.n
-        task["first_row"][0, k] = rows
-        rows += grid.n
-    left, right = config.levels()
-    for name, values in (("left_steps", left), ("right_steps", right)):
-        task[name][0, : len(values)] = values
-    learner = config.learner
-    plain = {
-        "tilings": config.tilings, "actions": config.actions, "right_levels": len(right),
-        "middle": config.middle_m, "half_range": config.half_range_m, "limit": config.bearing_limit_rad,
-        "sight": config.sight_m, "preset": PRESETS.index(config.reward),
-        "terminal_reward": terminal_reward(config.reward, learner.gamma, config.terminal_factor),
-        "alpha": learner.alpha / config.tilings, "beta": learner.beta / config.tilings,
-        "gamma": learner.gamma, "lam": learner.lam,
-        "cutoff": learner.trace_cutoff, "buffer": learner.buffer, "schedule": SCHEDULES.index(learner.epsilon_schedule),
-        "epsilon": learner.epsilon, "epsilon_final": learner.epsilon_final,
-        "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
-        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "column0": world.floor.column0, "row0": world.floor.row0,
-        "wheels": world.wheels, "restart": config.reset == "restart",
-        "delayed": config.compute_time_s > 0 and not learner.buffer,
-    }  # fmt: skip
-    for name, value in plain.items():
-        task[name] = value
-    return task

@@ -8,7 +8,7 @@ Without it ``act`` learns first. ρ is stored when an action is chosen and trave
 The fast simulation loop calls both for all followers of all formations; a loop that drives one robot calls the same two.
 
 Contract: records, weights and traces are written in place; nothing is allocated. ``task`` is one TASK record, which
-``formation.convoy`` fills from a ConvoyConfig. A transition counts as a visit of its state S_t.
+``formation.task`` fills from a ConvoyConfig. A transition counts as a visit of its state S_t.
 """
 
 import math

@@ -9,6 +9,7 @@
 Contract: conditions keep the order in which the table has them; seeds are the unit of every interval (95 % bootstrap).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -69,3 +70,11 @@ def said(line: Any, unit: str = "", digits: int = 1) -> str:
     """Return a line's number and interval in words, e.g. "3.2 mm [2.9, 3.6], n = 10"."""
     number, low, high = (f"{line[name]:.{digits}f}" for name in ("value", "low", "high"))
     return f"{number}{unit and ' ' + unit} [{low}, {high}], n = {int(line['seeds'])}"
+
+
+def clear_from(lines: pd.DataFrame, level: str) -> float:
+    """Return the smallest level from which on every interval lies above zero, infinite if the last one does not."""
+    clear = (lines.sort_values(level, ascending=False)["low"] > 0).to_numpy()
+    levels = lines.sort_values(level, ascending=False)[level].to_numpy(float)
+    count = int(clear.argmin()) if not clear.all() else len(clear)
+    return float(levels[count - 1]) if count else math.inf

@@ -64,7 +64,8 @@ def settled(runs: Mapping[str, Sequence[Run]]) -> pd.DataFrame:
 
 
 def per_block(runs: Sequence[Run]) -> pd.DataFrame:
-    """Return one line per run and whole block: losses per follower and hour, share of visits outside its best 3×3 block."""
+    """Return one line per run and whole block: losses per follower and hour, share of visits outside its best 3×3
+    block, RMS distance error."""
     parts = []
     for run in runs:
         sums = run.records["sums"].sum(axis=1)
@@ -75,6 +76,7 @@ def per_block(runs: Sequence[Run]) -> pd.DataFrame:
             "drive": run.config.drive, "seed": run.config.seed, "block": np.arange(len(hours)),
             "updates": run.records["starts"], "losses_per_hour": sums[:, SUMS.index("losses")] / hours,
             "share_outside": outside,
+            "rms_distance_mm": 1000 * np.sqrt(sums[:, SUMS.index("distance2")] / np.maximum(sums[:, SUMS.index("visits")], 1)),
         }  # fmt: skip
         parts.append(pd.DataFrame(columns).iloc[: max(len(hours) - 1, 1)])  # the very last block is short
     return pd.concat(parts, ignore_index=True)

@@ -125,8 +125,10 @@ def _rewards() -> list[tuple[Labels, ConvoyConfig]]:
     cases = [({"reward": name, "terminal_factor": 1.0, "theta0": -0.1}, replace(BASE, reward=name)) for name in presets]
     for factor in (2.0, 10.0):
         cases.append(({"reward": "quadratic", "terminal_factor": factor, "theta0": -0.1}, replace(BASE, terminal_factor=factor)))
-    for name in presets:
-        cases.append(({"reward": name, "terminal_factor": 1.0, "theta0": 0.0}, _learner(replace(BASE, reward=name), theta0=0.0)))
+    optimistic = {"quadratic": 0.0, "absolute": 0.0, "distance": 0.0, "alive": 5.0}  # no reward sums up to more: 1 / (1 - γ) = 5
+    for name, theta0 in optimistic.items():
+        label = {"reward": name, "terminal_factor": 1.0, "theta0": theta0}
+        cases.append((label, _learner(replace(BASE, reward=name), theta0=theta0)))
     return cases
 
 
