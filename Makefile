@@ -1,14 +1,19 @@
 # Everything sets itself up in .venv; nothing but Python (3.11 to 3.13) and make is needed.
 #   make figures   the experiment, every notebook, figures/        make test   all checks
+#   make studies   every study (data/studies/), then figures       make check-figures   what would change, and by how much
 #   make lab       JupyterLab on the notebooks                     make clean  remove .venv and cached runs
 
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: figures check-figures test lab clean
+.PHONY: figures studies check-figures test lab clean
 
 figures: $(READY)
+	$(BIN)/python -m workbench figures
+
+studies: $(READY)
+	$(BIN)/python -m workbench study all
 	$(BIN)/python -m workbench figures
 
 check-figures: $(READY)

@@ -41,7 +41,12 @@ def test_learn_evaluate_and_resume_print_one_json_object_last(tmp_path, capsys):
         (["learn", "--out", "x", "--set", "learner.alpha=2"], "LearnerConfig.alpha = 2; expected a number from 1e-09 to 1"),
         (["learn", "--out", "x", "--set", "alpha"], "--set 'alpha'; expected NAME=VALUE"),
         (["learn", "--out", "x", "--set", "seed.x=1"], "'seed' has no parts"),
+        (["learn", "--out", "x", "--setting", "best"], "--setting 'best'; expected one of paper, paper-robot"),
+        (["learn", "--out", "x", "--setting", "paper", "--resume"], "a run that is resumed keeps its own"),
         (["evaluate", "nowhere"], "nowhere holds no run"),
+        (["study", "everything"], "study 'everything'; expected one of tiles, inner"),
+        (["study", "inner", "--workers", "-1"], "workers = -1"),
+        (["validate", "camera"], "validate 'camera'; expected drive"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(arguments, message, capsys, tmp_path, monkeypatch):
@@ -50,6 +55,21 @@ def test_bad_input_is_one_line_and_code_2(arguments, message, capsys, tmp_path, 
     error = capsys.readouterr().err.strip()
     assert message in error and "\n" not in error
     assert list(tmp_path.iterdir()) == []  # nothing half-written
+
+
+def test_a_named_setting_is_where_a_run_starts_from(tmp_path, capsys):
+    out = str(tmp_path / "run")
+    assert main(["learn", *FAST, "--setting", "recommended", "--out", out]) == 0
+    config = wb.load_run(out).config
+    assert (config.tilings, config.state_tiles, config.followers) == (4, (5, 5), 2)
+    judged = main(["evaluate", out, "--minutes", "1"])
+    assert judged == 0 and "rms_distance_mm" in capsys.readouterr().out
+
+
+def test_studies_are_listed_with_their_questions(capsys):
+    assert main(["study", "list"]) == 0
+    printed = capsys.readouterr().out
+    assert "buffer" in printed and "From which compute time on does the update buffer matter?" in printed
 
 
 def test_help_explains_units_and_fields():

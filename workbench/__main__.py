@@ -15,7 +15,7 @@ from typing import Any
 
 from workbench import fields
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.learning.config import LearnerConfig
 from workbench.study.storage import plain
 
@@ -36,6 +36,7 @@ def _parser() -> argparse.ArgumentParser:
 
     learn = verbs.add_parser("learn", help="let followers learn online; prints the run's summary", **shape)
     learn.add_argument("--steps", type=int, help="learning updates, summed over the followers")
+    learn.add_argument("--setting", help=f"start from a named setting: {', '.join(SETTINGS)}")
     learn.add_argument("--followers", type=int, help="robots behind the leader")
     learn.add_argument("--drive", help="wheels or planar")
     learn.add_argument("--sensing", help="truth")
@@ -105,6 +106,11 @@ def _learn(flags: argparse.Namespace) -> dict[str, Any]:
     asked = {name: getattr(flags, name) for name in ("followers", "drive", "sensing", "seed")}
     given = {name: value for name, value in asked.items() if value is not None}
     values, steps = fields.to_dict(ConvoyConfig()), 1_300_000
+    if flags.setting is not None:
+        if flags.setting not in SETTINGS or flags.resume:
+            why = "a run that is resumed keeps its own" if flags.resume else f"expected one of {', '.join(SETTINGS)}"
+            raise ValueError(f"--setting {flags.setting!r}; {why}")
+        values = fields.to_dict(SETTINGS[flags.setting])
     if flags.resume:
         try:
             config, steps = runs.stored_request(flags.out)

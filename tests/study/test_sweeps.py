@@ -1,5 +1,6 @@
 """Sweeps: order, resuming, failures, dying workers, and the same bytes on every executor, dask included."""
 
+import json
 import os
 import signal
 import subprocess
@@ -12,6 +13,7 @@ import pytest
 import sweepable
 from distributed import Client
 
+from workbench.__main__ import main
 from workbench.formation.config import ConvoyConfig
 from workbench.study.sweeps import Failed, process_pool, sweep
 
@@ -148,6 +150,9 @@ def test_dask_delivers_all_runs_once_though_a_worker_is_killed_half_way(tmp_path
             client.wait_for_workers(2, timeout=60)
             results = sweep(sweepable.learn_a_little, configs, client.get_executor(), store=tmp_path / "dask", progress=tell)
         assert workers[0].wait() == -signal.SIGKILL and workers[1].poll() is None
+        scheduler_address = json.loads(address.read_text())["address"]  # the command line, on what is left of the cluster
+        assert main(["study", "inner", "--scheduler", scheduler_address, "--out", str(tmp_path / "cli")]) == 0
+        assert (tmp_path / "cli" / "inner.csv").read_text().count("\n") == 13
     finally:
         for process in [*workers, scheduler]:
             process.kill()

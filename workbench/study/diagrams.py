@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.arena.world import World
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.errors import observe
+from workbench.learning.tiles import TileGrid
 from workbench.robot import geometry
 from workbench.study.style import CYCLE, MARKERS, NEVER, new_axes
 
@@ -58,7 +59,7 @@ def error_measures(world: World, config: ConvoyConfig, *, formation: int = 0, fo
 
 
 def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
-    """Draw the state tiles around the follower, which looks up the page (paper, Fig. 2)."""
+    """Draw the state tiles around the follower, which looks up the page (paper, Fig. 2); offset tilings in colours above them."""
     ax = ax or new_axes(5.6, 4.2)
     grid = config.grid()
     distance, bearing = grid.tilings
@@ -71,6 +72,8 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
         wedges.append(Wedge((0, 0), outer[i], low, high, width=outer[i] - inner[i]))
         colours.append("#F0C14B" if state == best else ("#f7f7f7" if (i + j) % 2 else NEVER))
     ax.add_collection(PatchCollection(wedges, facecolor=colours, edgecolor="#777777", linewidth=0.6))
+    for number, shifted in enumerate(config.grids()[1:]):
+        _fan_lines(ax, shifted, 1000 * config.middle_m, CYCLE[number % len(CYCLE)])
     ax.add_patch(Circle((0, 0), 1000 * geometry.BODY_RADIUS, facecolor=CYCLE[0], alpha=0.4, edgecolor=CYCLE[0]))
     ax.add_patch(FancyArrowPatch((0, 0), (0, 55), arrowstyle="-|>", mutation_scale=12, color=CYCLE[0]))
     ax.add_patch(Circle((0, 1000 * config.middle_m), 1000 * geometry.BODY_RADIUS, fill=False, linestyle="--", edgecolor=CYCLE[1]))
@@ -82,6 +85,17 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     ax.set(xlim=(-top * 0.8, top * 0.8), ylim=(-45, top), xlabel="to the side in mm (left of the robot is left)",
            ylabel="ahead in mm", aspect="equal")  # fmt: skip
     return ax
+
+
+def _fan_lines(ax: Axes, grid: TileGrid, middle_mm: float, colour: str) -> None:
+    """Draw the inner edges of a grid of distance errors and bearings as arcs and rays."""
+    distance, bearing = grid.tilings
+    radii, angles = 1000 * distance.edges + middle_mm, np.degrees(bearing.edges) + 90
+    for radius in radii[1:-1]:
+        ax.add_patch(Arc((0, 0), 2 * radius, 2 * radius, theta1=angles[0], theta2=angles[-1], color=colour, linewidth=0.6))
+    for angle in np.radians(angles[1:-1]):
+        ends = np.outer([radii[0], radii[-1]], [math.cos(angle), math.sin(angle)])
+        ax.plot(ends[:, 0], ends[:, 1], color=colour, linewidth=0.6)
 
 
 def circle_geometry(radius_m: float, distance_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -102,7 +102,7 @@ def _actions() -> list[tuple[Labels, ConvoyConfig]]:
         for low, high in ((0.0, 0.12), (0.015, 0.105), (0.03, 0.09), (0.045, 0.075), (0.0525, 0.0675))
     ]
     settings = [("setting", name, replace(SETTINGS[name], drive="planar")) for name in ("paper", "paper-robot")]
-    return [({"factor": factor, "value": value}, config) for factor, value, config in levels + ranges + settings]
+    return [({"factor": factor, "level": level}, config) for factor, level, config in levels + ranges + settings]
 
 
 def _parameters() -> list[tuple[Labels, ConvoyConfig]]:
@@ -110,14 +110,14 @@ def _parameters() -> list[tuple[Labels, ConvoyConfig]]:
         "lam": (0.0, 0.4, 0.6, 0.8, 0.9, 1.0), "gamma": (0.0, 0.5, 0.7, 0.8, 0.9, 0.95), "alpha": (0.01, 0.03, 0.1, 0.3, 0.6),
         "eta": (0.0, 0.01, 0.1, 1.0), "theta0": (-1.0, -0.3, -0.1, -0.03, 0.0),
     }  # fmt: skip
-    cases = [({"factor": n, "value": f"{v:g}"}, _learner(BASE, **{n: v})) for n, several in values.items() for v in several]
+    cases = [({"factor": n, "level": f"{v:g}"}, _learner(BASE, **{n: v})) for n, several in values.items() for v in several]
     schedules: dict[str, dict[str, float | str]] = {
         "0.05 → 0.01": {}, "0.05 → 0": {"epsilon_final": 0.0}, "0.2 → 0.01": {"epsilon": 0.2},
         "0.05 → 0.01, exponential": {"epsilon_schedule": "exponential"}, "0.05": {"epsilon_schedule": "constant"},
         "0.01": {"epsilon_schedule": "constant", "epsilon": 0.01}, "0": {"epsilon_schedule": "constant", "epsilon": 0.0},
     }  # fmt: skip
-    cases += [({"factor": "epsilon", "value": name}, _learner(BASE, **changes)) for name, changes in schedules.items()]
-    return cases + [({"factor": "preset", "value": name}, replace(BASE, learner=learner)) for name, learner in PRESETS.items()]
+    cases += [({"factor": "epsilon", "level": name}, _learner(BASE, **changes)) for name, changes in schedules.items()]
+    return cases + [({"factor": "preset", "level": name}, replace(BASE, learner=learner)) for name, learner in PRESETS.items()]
 
 
 def _rewards() -> list[tuple[Labels, ConvoyConfig]]:
