@@ -10,7 +10,7 @@ Contract: conditions keep the order in which the table has them; seeds are the u
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -31,6 +31,12 @@ def by_condition(table: pd.DataFrame, keys: Sequence[str], value: str, *, statis
     for names, part in table.groupby(list(keys), sort=False):
         lines.append((*names, *interval(part[value], statistic=statistic), len(part)))
     return pd.DataFrame(lines, columns=[*keys, "value", "low", "high", "seeds"])
+
+
+def by_quantity(table: pd.DataFrame, keys: Sequence[str], values: Iterable[str]) -> pd.DataFrame:
+    """Return ``by_condition`` of several columns below each other, named in the first column, "quantity"."""
+    parts = [by_condition(table, keys, value).assign(quantity=value) for value in values]
+    return pd.concat(parts, ignore_index=True)[["quantity", *keys, "value", "low", "high", "seeds"]]
 
 
 def difference(

@@ -22,30 +22,29 @@ def curves(
     xlabel: str,
     ylabel: str,
     ax: Axes | None = None,
-    log: bool = False,
-    legend: bool = True,
+    even: bool = False,
 ) -> Axes:
     """Draw value against a numeric level, one line per case of ``by``, with intervals.
 
     Args:
         summary: lines with columns x, by, "value", "low", "high", "seeds".
-        log: whether the value axis is logarithmic.
+        even: whether levels stand at even distances, whatever they are.
     """
     ax = ax or new_axes(5.4, 3.6)
-    cases = list(summary[by].unique())
-    span = np.ptp(summary[x].to_numpy(float)) or 1.0
+    cases, levels = list(summary[by].unique()), sorted(summary[x].unique())
+    at = {level: place if even else float(level) for place, level in enumerate(levels)}
+    span = max(at.values()) - min(at.values()) or 1.0
     for number, case in enumerate(cases):
         part = summary[summary[by] == case]
         shift = 0.008 * span * (number - (len(cases) - 1) / 2)
         spread = np.array([part["value"] - part["low"], part["high"] - part["value"]])
         ax.errorbar(
-            part[x] + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number], markersize=5,
-            linestyle=("-", "--", ":", "-.")[number % 4], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
+            part[x].map(at) + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number],
+            markersize=5, linestyle=("-", "--", ":", "-.")[number % 4], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
         )  # fmt: skip
-    if log:
-        ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=min(0.0, float(summary["low"].min())))
+    ax.set_ylim(bottom=min(0.0, float(summary["low"].min())))
+    if even:
+        ax.set_xticks(range(len(levels)), [f"{level:,}".replace(",", " ") for level in levels])
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     note(ax, f"{BAND}, n = {_seeds(summary)}")
