@@ -148,9 +148,22 @@ def _study(flags: argparse.Namespace) -> dict[str, Any]:
             from distributed import Client
 
             client = stack.enter_context(Client(flags.scheduler, timeout="20s"))
+            _same_sources(client)
             executor = client.get_executor()
         lines = {name: len(run_study(name, executor=executor, workers=flags.workers, out=out)) for name in names}
     return {"lines": lines}
+
+
+def _same_sources(client: Any) -> None:
+    """Refuse a cluster without workers, or with workers that run other sources than this process."""
+    from workbench.study.experiment import fingerprint
+
+    theirs = client.run(fingerprint, [])
+    if not theirs:
+        raise RuntimeError("the scheduler has no workers; start some with: dask worker ADDRESS")
+    others = sorted(worker for worker, digest in theirs.items() if digest != fingerprint([]))
+    if others:
+        raise RuntimeError(f"workers with other sources or versions of the workbench: {', '.join(others)}; update them")
 
 
 def _validate(flags: argparse.Namespace) -> dict[str, Any]:

@@ -66,6 +66,7 @@ def test_unknown_names_are_refused_with_the_valid_ones(cls):
         (lambda: ConvoyConfig(distance_tiling="logarithmic", state_tiles=(8, 9)), r"state_tiles = \(8, 9\).*n = 8.*odd"),
         (lambda: ConvoyConfig(distance_tiling="logarithmic", inner_distance_m=0.08), "inner_distance_m = 0.08"),
         (lambda: ConvoyConfig(tilings=3), "ConvoyConfig.tilings = 3: 3 tilings; expected a power of two"),
+        (lambda: ConvoyConfig(compute_time_s=1e-12), "compute_time_s = 1e-12; expected a multiple of 0.01 s"),
         (lambda: ConvoyConfig(compute_time_s=0.015), "compute_time_s = 0.015; expected a multiple of 0.01 s"),
         (lambda: ConvoyConfig(drive="planar", compute_time_s=0.03), "expected a multiple of 0.02 s"),
         (lambda: ConvoyConfig(sensing="camera"), "sensing = 'camera'; expected one of 'truth'"),

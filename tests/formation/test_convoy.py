@@ -262,3 +262,19 @@ def test_several_tilings_learn_store_and_stay_the_same_alone_or_in_a_batch(tilin
     assert policy.greedy().shape == (4, 25)
     with pytest.raises(ValueError, match="tilings of the policy are|theta has shape|edges"):
         policy.check(replace(config, tilings=1))
+
+
+def test_commands_that_wait_leave_finished_formations_alone_and_a_resumed_batch_ends_the_same():
+    config = replace(PLANAR, compute_time_s=0.06, learner=LearnerConfig(buffer=False))
+    seeds, steps = (1, 2, 3, 4), 11_000  # some finish in the second block, at different times
+    whole = Convoy(config, seeds, steps=steps)
+    whole.run_block()
+    middle = whole.state()
+    whole.run_block()
+    finished = whole.periods.copy()
+    assert whole.finished and len(set(finished.tolist())) > 1
+    resumed = Convoy(config, seeds, steps=steps)
+    resumed.load(middle)
+    resumed.run_block()
+    for name, array in whole.state().items():
+        assert array.tobytes() == resumed.state()[name].tobytes(), name

@@ -43,10 +43,20 @@ def test_differences_are_paired_within_the_other_keys():
 
 
 def test_criterion_times_count_what_was_never_reached():
-    table = _table().assign(time=np.where(_table()["tiles"] == 3, np.nan, 50.0))
+    table = _table().query("spacing == 'uniform'")
+    table = table.assign(time=np.where(table["tiles"] == 3, np.nan, 50.0))
     times = criterion_times(table, ["tiles"], "time", 200.0).set_index("tiles")
-    assert times.loc[9][["seeds", "reached", "median", "value"]].tolist() == [20, 20, 50, 50]
+    assert times.loc[9][["seeds", "reached", "median", "value"]].tolist() == [10, 10, 50, 50]
     assert times.loc[3][["reached", "median", "value"]].tolist() == [0, np.inf, 200]
+
+
+def test_keys_that_mix_conditions_or_clash_with_the_result_are_refused():
+    with pytest.raises(ValueError, match="has seeds more than once: it mixes several conditions"):
+        by_condition(_table(), ["tiles"], "error")
+    with pytest.raises(ValueError, match=r"keys \['value'\] are names of the result"):
+        by_condition(_table().rename(columns={"tiles": "value"}), ["spacing", "value"], "error")
+    unnamed = _table().assign(spacing=lambda t: t["spacing"].where(t["spacing"] == "uniform"))
+    assert len(by_condition(unnamed, ["spacing", "tiles"], "error")) == 4  # a missing name is a name
 
 
 @pytest.mark.parametrize(

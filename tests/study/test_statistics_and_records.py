@@ -132,6 +132,9 @@ def test_times_to_a_criterion_count_runs_that_never_reached_it():
     assert time_to_criterion([10.0, nan, nan], 100.0).median == np.inf
     early = time_to_criterion([10.0, 20.0, nan], [50.0, 50.0, 15.0])  # the third was stopped before the second reached it
     assert early.median == 20.0  # S(10) = 2/3, S(20) = 2/3 · 0 = 0
+    assert early.horizon == 15.0 and early.mean == pytest.approx((10 + 15 + 15) / 3)
+    half = time_to_criterion([*range(1, 13), *([nan] * 12)], 100.0)
+    assert (half.reached, half.median) == (12, 12.0)
 
 
 @pytest.mark.parametrize(

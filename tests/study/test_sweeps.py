@@ -6,16 +6,17 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sweepable
 from distributed import Client
 
 from workbench.__main__ import main
 from workbench.formation.config import ConvoyConfig
-from workbench.study.sweeps import Failed, process_pool, sweep
+from workbench.study.sweeps import Failed, key_of, process_pool, sweep
 
 
 def _bytes(folder):
@@ -44,7 +45,6 @@ def test_a_second_call_runs_only_what_is_missing_and_returns_the_same(tmp_path):
     first = sweep(sweepable.note, configs, store=tmp_path / "store", workers=1, progress=False)
     assert first == [{"value": 1, "nan": None}, {"value": 2, "nan": None}, {"value": 2, "nan": None}]
     configs.append({"value": 3, "log": str(log)})
-    (tmp_path / "store").joinpath("half.json.tmp").write_text("{")
     damaged = sorted((tmp_path / "store").glob("*.json"))[0]
     damaged.write_text("{not json")
     assert sweep(sweepable.note, configs, store=tmp_path / "store", workers=1, progress=False)[:3] == first
@@ -74,11 +74,92 @@ def test_functions_and_configurations_without_a_name_are_refused(tmp_path):
         sweep(lambda x: x, [1], workers=2)
     with pytest.raises(TypeError, match="has no name to store results under"):
         sweep(lambda x: x, [1], workers=1, store=tmp_path)
-    with pytest.raises(TypeError, match=r"config \{1\} is a set; stored sweeps need"):
+    with pytest.raises(TypeError, match=r"config holds \{1\}, a set; stored sweeps need"):
         sweep(sweepable.sleep, [{1}], workers=1, store=tmp_path)
     with pytest.raises(ValueError, match="workers = -1"):
         sweep(sweepable.sleep, [0.0], workers=-1)
     assert sweep(sweepable.sleep, [], progress=False) == []
+
+
+def test_an_idle_worker_that_dies_holds_nothing_up(tmp_path):
+    def tell(_):
+        time.sleep(0.5)  # what is in flight finishes meanwhile
+        victims = [int(path.name) for path in tmp_path.glob("[0-9]*")]
+        for victim in victims[:1]:
+            (tmp_path / str(victim)).unlink()
+            os.kill(victim, signal.SIGKILL)
+
+    configs = [{"folder": str(tmp_path), "number": number} for number in range(9)]
+    assert sweep(sweepable.sign_in, configs, workers=2, progress=tell) == list(range(9))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("function", "error"),
+    [
+        (sweepable.leave, "SystemExit: bye"),
+        (sweepable.raise_what_cannot_be_read_back, "Stubborn: the real reason 1 2"),
+        (sweepable.return_a_set, "TypeError: Object of type set is not JSON serializable; stored results are"),
+    ],
+)
+def test_no_failure_takes_others_with_it(function, error, workers, tmp_path):
+    with pytest.warns(RuntimeWarning, match="1 of 3 runs failed"):
+        results = sweep(function, [1, 2, 3], workers=workers, store=tmp_path, progress=False)
+    assert results[0] == 1 and results[2] == 3 and results[1].error.startswith(error)
+    assert len(list(tmp_path.glob("*.json"))) == 2
+
+
+def test_a_callers_broken_pool_is_reported_and_not_raised():
+    with ProcessPoolExecutor(2) as pool, pytest.warns(RuntimeWarning, match="its process or one beside it died"):
+        results = sweep(sweepable.die_at_four, list(range(8)), pool, progress=False)
+        assert isinstance(results[4], Failed) and len(results) == 8
+        again = sweep(sweepable.die_at_four, [0], pool, progress=False)  # the pool is of no use any more
+    assert isinstance(again[0], Failed)
+
+
+def test_interrupting_a_sweep_stops_its_processes_at_once():
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        sweep(sweepable.sleep, [0.0, 60.0, 60.0, 60.0], workers=2, progress=interrupt)
+    assert time.monotonic() - begun < 30  # a bound on waiting for a run of 60 s, not a measure of speed
+
+
+def test_different_requests_have_different_names():
+    one, other = sweepable.Point(1), sweepable.Other(1)
+    requests = [
+        one,
+        other,
+        {"class": "Point", "x": 1},
+        [one],
+        (one,),
+        {"x": one},
+        [1],
+        (1,),
+        [1.0],
+        [True],
+        np.int64(1),
+        {"1": 0},
+    ]
+    keys = {key_of(sweepable.sleep, request) for request in requests}
+    assert len(keys) == len(requests)
+    assert key_of(sweepable.sleep, 1) != key_of(sweepable.pid, 1)
+    for function in (sweepable.Point(2).scaled, sweepable.decorated):
+        with pytest.raises(TypeError, match="has no name to store results under"):
+            key_of(function, 1)
+    with pytest.raises(TypeError, match="a dict"):
+        key_of(sweepable.sleep, {1: 0})
+
+
+@pytest.mark.slow
+def test_a_script_without_its_guard_is_told_so(tmp_path):
+    script = "import sys; sys.path[:0] = {!r}\nimport sweepable\nfrom workbench.study.sweeps import sweep\n"
+    script += "print(sweep(sweepable.sleep, [0.0, 0.0], workers=2, progress=False))\n"
+    (tmp_path / "script.py").write_text(script.format([str(Path(__file__).parent)]))
+    done = subprocess.run([sys.executable, str(tmp_path / "script.py")], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1 and "call sweep() only below `if __name__ == '__main__':`" in done.stderr
 
 
 def test_progress_counts_every_run_once():
@@ -91,8 +172,8 @@ def test_progress_counts_every_run_once():
 def test_workers_end_when_their_parent_is_killed(tmp_path):
     script = (
         "import time\nfrom workbench.study.sweeps import process_pool\nimport sweepable\n"
-        "if __name__ == '__main__':\n    pool = process_pool(1)\n    print(pool.submit(sweepable.pid, 0).result(), flush=True)\n"
-        "    time.sleep(60)\n"
+        "if __name__ == '__main__':\n    with process_pool(1) as pool:\n"
+        "        print(pool.submit(sweepable.pid, 0).result(), flush=True)\n        time.sleep(60)\n"
     )
     path = tmp_path / "parent.py"
     path.write_text(script)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from workbench import paths
-from workbench.study.validation import replay, start_up_delay, validate_drive
+from workbench.study.validation import best_delay, replay, shifted, validate_drive
 
 
 def _recording(folder, delay_s=1.3, scale=1.0, drop=()):
@@ -16,7 +16,7 @@ def _recording(folder, delay_s=1.3, scale=1.0, drop=()):
     source.mkdir(parents=True, exist_ok=True)
     time = np.arange(186) * 0.108
     units = np.where(time < 8, 7.5, np.where(time < 14, 3.0, -4.0))
-    position = scale * replay("planar", "e-puck2", time + delay_s, 100 * units, time) - 0.13
+    position = scale * shifted(replay("planar", "e-puck2", time, 100 * units), 0.02, time, delay_s) - 0.13
     for row in drop:
         position[row] = 4.2
     columns = {"timestamp_s": time, "leader_position_m": position}
@@ -50,12 +50,17 @@ def test_a_robot_that_drives_five_percent_less_is_reported_as_such(tmp_path, mon
     assert line["rms_error_mm"]["median"] > 15
 
 
-def test_the_start_of_motion_is_placed_between_two_rows():
-    time = np.arange(10) * 0.1
-    position = np.maximum(time - 0.34, 0) * 0.1  # 0.1 m/s from 0.34 s on
-    assert start_up_delay(time, np.ones(10), position) == pytest.approx(0.34)
-    assert np.isnan(start_up_delay(time, np.zeros(10), position))
-    assert np.isnan(start_up_delay(time, np.ones(10), np.zeros(10)))
+@pytest.mark.parametrize(
+    "commands", [np.full(120, 700.0), np.linspace(20, 700, 120), np.where(np.arange(120) < 60, 700.0, -300.0)]
+)
+def test_delays_are_found_for_constant_rising_and_changing_commands(commands):
+    time = np.arange(120) * 0.108
+    driven = replay("planar", "e-puck2", time, commands)
+    real = shifted(driven, 0.02, time, 1.3)
+    assert best_delay(time, real, driven, 0.02, seconds=3.0) == pytest.approx(1.3, abs=0.021)
+    late = np.where(time > 6, shifted(driven, 0.02, time, 2.0), real)  # the link slows down later: the start does not notice
+    assert best_delay(time, late, driven, 0.02, seconds=3.0) == pytest.approx(1.3, abs=0.021)
+    assert best_delay(time, late, driven, 0.02) > 1.31
 
 
 def test_missing_recordings_and_steering_robots_are_refused(tmp_path, monkeypatch):
@@ -71,6 +76,9 @@ def test_missing_recordings_and_steering_robots_are_refused(tmp_path, monkeypatc
     frame["leader_left_setpoint_radps"] += 1
     frame.to_csv(path, index=False)
     with pytest.raises(ValueError, match="leader steers"):
+        validate_drive(out=tmp_path / "out")
+    frame.drop(columns=["leader_position_m"]).to_csv(path, index=False)
+    with pytest.raises(FileNotFoundError, match="has set-points, positions and a robot that moves"):
         validate_drive(out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -27,7 +27,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from workbench.arena.floor import floor_darkness
-from workbench.arena.model import TIMESTEP
 from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World, read_pose, write_command
 from workbench.formation.config import ConvoyConfig
@@ -181,7 +180,7 @@ class Convoy:
         self._trace_ids = np.tile(np.stack([empty[0], empty[2]]), (count, n, 1, 1))
         self._trace_values = np.zeros((count, n, pairs))
         self._waiting = np.zeros_like(self.world.ctrl)  # the commands of this period, where they wait for an update
-        self._delay = 0 if config.learner.buffer else round(config.compute_time_s / TIMESTEP[config.drive])
+        self._delay = config.delay_steps
         self._formations = np.zeros(count, FORMATION)
         self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
         limit = periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
@@ -256,7 +255,7 @@ class Convoy:
                     break
             if delay:
                 step(running, nstep=delay)
-                ctrl[:] = self._waiting
+                _release(ctrl, self._waiting, running)
             if substeps > delay:
                 step(running, nstep=substeps - delay)
         for b, done in enumerate(self.periods - before):
@@ -352,6 +351,14 @@ class Convoy:
         weights = np.zeros((count, given.shape[1], 2, pairs))
         weights[:, :, 0] = given.reshape(count, given.shape[1], pairs)
         return weights
+
+
+def _release(ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: NDArray[np.int64] | None) -> None:
+    """Let the commands that waited take effect, in formations that still run."""
+    if running is None:
+        ctrl[:] = waiting
+    else:
+        ctrl[running] = waiting[running]
 
 
 def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:

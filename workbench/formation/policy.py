@@ -68,7 +68,10 @@ class Policy:
         return cls(theta, distance.edges, bearing.edges, *config.levels(), np.array(config.tilings))
 
     def values(self) -> NDArray[np.float64]:
-        """Return the action values in the middle of every state, (tables, states, actions); with one tiling that is theta."""
+        """Return the action values in the middle of every state, (tables, states, actions); with one tiling that is theta.
+
+        Where an offset tiling has an edge in the middle of a state, its upper cell counts, as it does for a follower there.
+        """
         base, *others = self._grids()
         total = self.theta[:, : base.n].copy()
         first = base.n

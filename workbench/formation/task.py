@@ -37,7 +37,7 @@ def fill_task(config: ConvoyConfig, steps: int, world: World) -> NDArray[np.void
         "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
         "leader_steps": config.leader_speed_mps / STEP_LENGTH, "column0": world.floor.column0, "row0": world.floor.row0,
         "wheels": world.wheels, "restart": config.reset == "restart",
-        "delayed": config.compute_time_s > 0 and not learner.buffer,
+        "delayed": config.delay_steps > 0,
     }  # fmt: skip
     for name, value in plain.items():
         task[name] = value

@@ -6,11 +6,12 @@
 >>> difference(table, ["lam"], "losses", {"lam": 0})[["lam", "value", "low", "high"]].values.tolist()
 [[0.0, 0.0, 0.0, 0.0], [1.0, 3.0, 2.0, 4.0]]
 
-Contract: conditions keep the order in which the table has them; seeds are the unit of every interval (95 % bootstrap).
+Contract: conditions keep the order in which the table has them; seeds are the unit of every interval (95 % bootstrap), so that a
+condition may have each seed once.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -28,7 +29,7 @@ def by_condition(table: pd.DataFrame, keys: Sequence[str], value: str, *, statis
         statistic: "mean", "median" or "iqm".
     """
     lines = []
-    for names, part in table.groupby(list(keys), sort=False):
+    for names, part in _conditions(table, keys):
         lines.append((*names, *interval(part[value], statistic=statistic), len(part)))
     return pd.DataFrame(lines, columns=[*keys, "value", "low", "high", "seeds"])
 
@@ -52,7 +53,7 @@ def difference(
     """
     lines = []
     within = [key for key in keys if key not in reference]
-    for names, part in table.groupby(list(keys), sort=False):
+    for names, part in _conditions(table, keys):
         wanted = dict(zip(keys, names, strict=True)) | dict(reference)
         base = table
         for key in [*within, *reference]:
@@ -66,10 +67,24 @@ def difference(
 def criterion_times(table: pd.DataFrame, keys: Sequence[str], value: str, length: float) -> pd.DataFrame:
     """Return one line per condition: runs that reached a criterion, the median time, and the mean time up to ``length``."""
     lines = []
-    for names, part in table.groupby(list(keys), sort=False):
+    for names, part in _conditions(table, keys):
         times: TimeToCriterion = time_to_criterion(part[value], length)
         lines.append((*names, times.n, times.reached, times.median, times.mean, times.low, times.high))
     return pd.DataFrame(lines, columns=[*keys, "seeds", "reached", "median", "value", "low", "high"])
+
+
+def _conditions(table: pd.DataFrame, keys: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], pd.DataFrame]]:
+    """Yield the names and lines of every condition; refuse keys that do not tell conditions apart."""
+    clash = {"value", "low", "high", "seeds", "quantity"} & set(keys)
+    if clash:
+        raise ValueError(f"keys {sorted(clash)} are names of the result; rename these columns of the table first")
+    for names, part in table.groupby(list(keys), sort=False, dropna=False):
+        if part["seed"].duplicated().any():
+            raise ValueError(
+                f"condition {dict(zip(keys, names, strict=True))!r} has seeds more than once: it mixes several conditions; name "
+                f"them in keys, of {[column for column in table if column not in keys]!r}"
+            )
+        yield names, part
 
 
 def said(line: Any, unit: str = "", digits: int = 1) -> str:

@@ -39,6 +39,7 @@ _SOURCES = (
     "study/checkpoints.py",
     "study/records.py",
     "study/statistics.py",
+    "study/storage.py",
     "fields.py",
 )
 
@@ -126,7 +127,7 @@ def sources_digest(*others: str) -> Any:
         files = sorted((package / source).glob("*.py")) if (package / source).is_dir() else [package / source]
         for file in files:
             digest.update(file.read_bytes())
-    for name in ("mujoco", "numba", "numpy"):
+    for name in ("mujoco", "numba", "numpy", "scipy"):
         digest.update(f"{name}=={version(name)}".encode())
     return digest
 

@@ -34,7 +34,7 @@ from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
 from workbench.study.storage import read_json, read_npz, refuse_existing, remove_temporaries, write_json, write_npz
 
-SCHEMA = 1
+SCHEMA = 2
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
 REQUEST = ("kind", "length", "policy_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
@@ -50,7 +50,7 @@ class Run:
         length: learning updates asked for ("learn") or control periods ("evaluate").
         updates: learning updates done.
         policy: the learned (or the followed) action values with their tiles and levels.
-        w: (tables, states, actions) secondary weights.
+        w: (tables, rows, actions) secondary weights.
         records: see ``workbench.study.records.Recorder.records``.
     """
 

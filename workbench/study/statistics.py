@@ -45,7 +45,7 @@ def share_of_block(visits: ArrayLike, place: Place, size: int = 3) -> float:
 
 
 def iqm(values: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
-    """Return the interquartile mean: the mean of what is left without the lowest and the highest quarter."""
+    """Return the interquartile mean: what is left without the lowest and the highest quarter (whole values, rounded down)."""
     middle: NDArray[np.float64] = stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
     return middle
 
@@ -101,7 +101,8 @@ class TimeToCriterion:
         n, reached: number of runs, and of those that reached it.
         median: Kaplan-Meier median; infinite if half of the runs did not reach it.
         mean, low, high: mean time spent before the criterion, up to the horizon, with its 95 % bootstrap interval over runs.
-        horizon: the shortest length of a run that did not reach it, or the latest time, whichever is larger.
+        horizon: the shortest length of a run that did not reach it, or the latest time if all did: up to there nothing is
+            censored, and the mean is one of min(time, horizon).
     """
 
     n: int
@@ -125,13 +126,18 @@ def time_to_criterion(times: ArrayLike, lengths: ArrayLike) -> TimeToCriterion:
     """
     when = np.asarray(times, dtype=np.float64).ravel()
     ends = np.broadcast_to(np.asarray(lengths, dtype=np.float64), when.shape)
-    if np.any(when > ends):
-        raise ValueError(f"a time of {np.nanmax(when):g} lies beyond the run's length of {ends.min():g}")
+    if when.size < 2:
+        raise ValueError(f"{when.size} values have no interval; run at least two seeds, ten for a claim")
+    beyond = np.flatnonzero((when > ends) | (when < 0))
+    if beyond.size:
+        raise ValueError(
+            f"a time of {when[beyond[0]]:g} lies beyond the run's length of {ends[beyond[0]]:g}, or before its start"
+        )
     open_ended = np.isnan(when)
     seen = np.where(open_ended, ends, when)
     survival = stats.ecdf(stats.CensoredData(uncensored=seen[~open_ended], right=seen[open_ended])).sf
-    below = survival.quantiles[survival.probabilities <= 0.5]
-    horizon = float(max(seen[open_ended].min(), seen[~open_ended].max(initial=0)) if open_ended.any() else ends.max())
+    below = survival.quantiles[survival.probabilities <= 0.5 + 1e-9]  # a product of fractions may miss 1/2 by a rounding
+    horizon = float(seen[open_ended].min() if open_ended.any() else seen.max())
     mean, low, high = interval(np.minimum(seen, horizon))
     reached = int((~open_ended).sum())
     return TimeToCriterion(when.size, reached, float(below[0]) if below.size else math.inf, mean, low, high, horizon)

@@ -225,10 +225,15 @@ def load_study(name: str) -> pd.DataFrame:
     return pd.read_csv(path)
 
 
+def trials_digest(trials: Sequence[Trial]) -> str:
+    """Return a hash of everything that was asked for in a table."""
+    requests = "\n".join(repr(fields.to_dict(trial)) for trial in trials)
+    return hashlib.sha256(requests.encode()).hexdigest()
+
+
 def _publish(study: Study, table: pd.DataFrame, trials: Sequence[Trial], folder: Path, *, quick: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     content = table.to_csv(index=False, float_format="%.10g", lineterminator="\n").encode()
-    requests = "\n".join(repr(fields.to_dict(trial)) for trial in trials)
     write_bytes(folder / f"{study.name}.csv", content)
     write_json(
         folder / f"{study.name}.json",
@@ -236,7 +241,7 @@ def _publish(study: Study, table: pd.DataFrame, trials: Sequence[Trial], folder:
             "study": study.name, "question": study.question, "simulated": True, "quick": quick,
             "seeds": sorted({trial.config.seed for trial in trials}), "updates": sorted({trial.steps for trial in trials}),
             "greedy_minutes": trials[0].minutes, "trials": len(trials),
-            "first_config": fields.to_dict(trials[0].config), "trials_sha256": hashlib.sha256(requests.encode()).hexdigest(),
+            "first_config": fields.to_dict(trials[0].config), "trials_sha256": trials_digest(trials),
             "table_sha256": hashlib.sha256(content).hexdigest(),
         },
     )  # fmt: skip

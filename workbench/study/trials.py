@@ -102,6 +102,10 @@ def measure_sections(trial: Trial) -> dict[str, float]:
         gave_up += int(np.count_nonzero(at["event"] & (TIMED_OUT | GAVE_UP)))
         if trial.config.reset == "manoeuvre":  # a restart takes no time
             resets += _durations(at, away)
+    if convoy.updates[0] < trial.steps:
+        raise RuntimeError(
+            f"seed {trial.config.seed}: only {convoy.updates[0]} of {trial.steps} updates; the followers were lost"
+        )
     theta, _ = convoy.tables(0)
     judged = replace(trial.config, reset="manoeuvre")
     periods = round(trial.minutes * 60 / CONTROL_PERIOD)

@@ -8,7 +8,9 @@
 
 * a set-point of 1 means 100 motor steps/s, although the column says rad/s;
 * only ``…_position_m`` is measured (from the motors' step counters, which says nothing about slip);
-* the first motion comes seconds after the first command (network): this start-up delay is removed, and nothing else is fitted.
+* the first motion comes seconds after the first command (network). This start-up delay is found from the first three seconds of
+  motion and removed: all commands take effect that much later. Nothing else is fitted. The link's delay may change later in a
+  run; how much that explains is told by a second number, the error at the constant delay that fits the whole run best.
 
 The workbench's motors follow the firmware of the e-puck1, whose timer makes other speeds of the same command than the e-puck2's;
 the replay is done with both rules.
@@ -40,6 +42,7 @@ STEPS_PER_UNIT = 100.0  # motor steps/s per unit of a set-point
 ROBOTS = ("leader", "follower", "second_follower")
 TOO_FAST_MPS = 0.3  # twice what the robot can do: a reading that implies it is a transmission error
 MOVED_M = 0.002
+START_S, SEARCH_S, SEARCH_STEP_S = 3.0, 6.0, 0.02  # s of motion that fix the delay; delays tried; their spacing
 SLOW_LOG_S, GAP_S = 0.2, 0.5  # s between rows: what tells the two kinds of log apart, and where rows are missing
 WINDOW_S = 1.0
 RULES: dict[str, Callable[[int], float]] = {"e-puck1": motor_speed, "e-puck2": motor_speed_epuck2}
@@ -59,6 +62,10 @@ def validate_drive(*, out: Path | None = None) -> dict[str, Any]:
     if not files:
         raise FileNotFoundError(f"{source} holds no epuck-exp-*.csv; expected the recordings of straight drives there")
     lines = [line for file in files for line in _compare_file(file)]
+    if not lines:
+        raise FileNotFoundError(
+            f"no file in {source} has set-points, positions and a robot that moves; expected columns {ROBOTS[0]}_…"
+        )
     table = pd.DataFrame(lines)
     folder = out or FOLDER
     folder.mkdir(parents=True, exist_ok=True)
@@ -76,31 +83,27 @@ def validate_drive(*, out: Path | None = None) -> dict[str, Any]:
     return {"aggregates": summary, "written": ["drive.csv", "drive.json"]}
 
 
-def replay(drive: str, rule: str, times_s: Floats, commands: Floats, at_s: Floats) -> Floats:
-    """Return how far (m) one simulated robot has driven straight at ``at_s`` if commands (steps/s) begin at ``times_s``.
+def replay(drive: str, rule: str, times_s: Floats, commands: Floats) -> Floats:
+    """Return how far (m) one simulated robot has driven straight, at every time step of the drive from time 0 on.
 
     Args:
         drive: "wheels" or "planar".
         rule: whose firmware makes a speed of a command, one of RULES.
-        times_s, commands: (K,) when each command begins, rising, and the command of both wheels; it holds until the next.
-        at_s: (T,) times to report, rising.
+        times_s, commands: (K,) when each command begins, rising from 0 or later, and the command of both wheels in steps/s; it
+            holds until the next. The replay ends with the last time.
     """
     world = World(0, [make_track(TrackConfig(judder="none"), np.random.default_rng(0))], drive=drive, spacing_m=0.15)
     world.place(0, 0, 0.0, 0.0, 0.0)
-    step = TIMESTEP[drive]
-    begin = np.round(times_s / step).astype(int)
-    wanted = np.round(at_s / step).astype(int)
+    begin = np.round(times_s / TIMESTEP[drive]).astype(int)
     scale = RADIANS_PER_STEP if drive == "wheels" else STEP
     speeds = np.array([RULES[rule](round(command)) for command in commands]) * scale
-    last = int(max(wanted.max(), 0))
-    driven = np.zeros(last + 1)
-    active = np.searchsorted(begin, np.arange(last + 1), side="right") - 1
-    for tick in range(last + 1):
+    driven = np.zeros(begin[-1] + 1)
+    active = np.searchsorted(begin, np.arange(driven.size), side="right") - 1
+    for tick in range(driven.size):
         driven[tick] = world.pose(0, 0)[0]
         world.ctrl[0, :2] = speeds[active[tick]] if active[tick] >= 0 else 0.0
         world.batch.step(nstep=1)
-    reached: Floats = driven[np.maximum(wanted, 0)]
-    return reached
+    return driven
 
 
 def _compare_file(path: Path) -> list[dict[str, Any]]:
@@ -116,38 +119,39 @@ def _compare_file(path: Path) -> list[dict[str, Any]]:
         good, gap = _plausible(time, position), float(np.diff(time).max())
         slow = float(np.median(np.diff(time))) > SLOW_LOG_S
         log = "3 Hz" if slow else ("9 Hz, with gaps" if gap > GAP_S else "9 Hz")
-        delay = start_up_delay(time[good], left[good] * STEPS_PER_UNIT, position[good])
-        if math.isnan(delay):
+        real = position[good] - position[good][0]
+        if not np.any(left) or np.abs(real).max() <= MOVED_M:
             continue  # never commanded, or never moved
         for drive in TIMESTEP:
             for rule in RULES:
-                simulated = replay(drive, rule, time + delay, left * STEPS_PER_UNIT, time[good])
-                errors = _errors(time[good], position[good] - position[good][0], simulated)
+                driven = replay(drive, rule, time, left * STEPS_PER_UNIT)
+                delay = best_delay(time[good], real, driven, TIMESTEP[drive], seconds=START_S)
+                whole = best_delay(time[good], real, driven, TIMESTEP[drive])
+                errors = _errors(time[good], real, shifted(driven, TIMESTEP[drive], time[good], delay))
+                fitted = _errors(time[good], real, shifted(driven, TIMESTEP[drive], time[good], whole))
                 lines.append(
                     {
                         "file": path.stem, "robot": robot, "log": log, "longest_gap_s": gap,
                         "set_points": "constant" if np.ptp(left) == 0 else "changing",
                         "drive": drive, "firmware": rule, "rows": int(good.sum()), "rows_dropped": int((~good).sum()),
                         "start_up_delay_s": delay, "mean_command_steps_s": float(np.abs(left).mean() * STEPS_PER_UNIT),
-                    } | errors
+                    } | errors | {"best_delay_s": whole, "rms_error_at_best_delay_mm": fitted["rms_error_mm"]}
                 )  # fmt: skip
     return lines
 
 
-def start_up_delay(time_s: Floats, command: Floats, position_m: Floats) -> float:
-    """Return the time (s) from the first command to the first motion, NaN if there is none.
+def shifted(driven_m: Floats, step_s: float, time_s: Floats, delay_s: float) -> Floats:
+    """Return a replay at times ``time_s`` if all its commands had taken effect ``delay_s`` later."""
+    return np.interp(time_s - delay_s, np.arange(driven_m.size) * step_s, driven_m)
 
-    The start of the motion lies between two rows; it is placed by the speed between the two rows that follow.
-    """
-    commanded = np.flatnonzero(command != 0)
-    moved = np.flatnonzero(np.abs(position_m - position_m[0]) > MOVED_M)
-    if not commanded.size or not moved.size or moved[0] + 1 >= len(time_s):
-        return math.nan
-    k = int(moved[0])
-    speed = (position_m[k + 1] - position_m[k]) / (time_s[k + 1] - time_s[k])
-    since = (position_m[k] - position_m[0]) / speed if speed * (position_m[k] - position_m[0]) > 0 else 0.0
-    begun = min(max(time_s[k] - since, time_s[k - 1]), time_s[k])
-    return float(max(begun - time_s[commanded[0]], 0.0))
+
+def best_delay(time_s: Floats, real_m: Floats, driven_m: Floats, step_s: float, *, seconds: float = math.inf) -> float:
+    """Return the delay (s) at which a replay is closest to a recording, in its first ``seconds`` of motion or as a whole."""
+    moving = time_s[np.argmax(np.abs(real_m) > MOVED_M)]
+    near = time_s <= moving + seconds
+    delays = np.arange(0.0, moving + SEARCH_S, SEARCH_STEP_S)
+    misfit = [np.mean((shifted(driven_m, step_s, time_s[near], delay) - real_m[near]) ** 2) for delay in delays]
+    return float(delays[int(np.argmin(misfit))])
 
 
 def _plausible(time_s: Floats, position_m: Floats) -> NDArray[np.bool_]:
@@ -183,7 +187,7 @@ def _aggregate(table: pd.DataFrame) -> list[dict[str, Any]]:
     keys = ["log", "set_points", "drive", "firmware"]
     for names, part in table.groupby(keys):
         numbers: dict[str, Any] = dict(zip(keys, names, strict=True)) | {"robot_runs": len(part)}
-        for name in ("start_up_delay_s", "distance_ratio", "rms_error_mm", "rms_error_1s_mm"):
+        for name in ("start_up_delay_s", "distance_ratio", "rms_error_mm", "rms_error_1s_mm", "rms_error_at_best_delay_mm"):
             values = part[name]
             numbers[name] = {"median": values.median(), "lowest": values.min(), "highest": values.max()}
         lines.append(numbers)
