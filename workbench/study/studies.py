@@ -155,7 +155,9 @@ def _reset() -> list[tuple[Labels, ConvoyConfig]]:
 
 
 def _recommended() -> list[tuple[Labels, ConvoyConfig]]:
-    return [({"setting": name}, replace(SETTINGS[name], drive="wheels")) for name in ("paper", "logarithmic", "recommended")]
+    settings = {name: SETTINGS[name] for name in ("paper", "logarithmic", "recommended")}
+    settings["logarithmic 3×3"] = replace(SETTINGS["logarithmic"], state_tiles=(3, 3))  # the smallest table that follows well
+    return [({"setting": name}, replace(config, drive="wheels")) for name, config in settings.items()]
 
 
 STUDIES = {
