@@ -157,6 +157,7 @@ def _reset() -> list[tuple[Labels, ConvoyConfig]]:
 def _recommended() -> list[tuple[Labels, ConvoyConfig]]:
     settings = {name: SETTINGS[name] for name in ("paper", "logarithmic", "recommended")}
     settings["logarithmic 3×3"] = replace(SETTINGS["logarithmic"], state_tiles=(3, 3))  # the smallest table that follows well
+    settings["recommended, 3×3 actions"] = replace(SETTINGS["recommended"], action_levels=(3, 3))
     return [({"setting": name}, replace(config, drive="wheels")) for name, config in settings.items()]
 
 
