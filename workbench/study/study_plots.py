@@ -42,7 +42,7 @@ def curves(
             part[x].map(at) + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number],
             markersize=5, linestyle=("-", "--", ":", "-.")[number % 4], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
         )  # fmt: skip
-    ax.set_ylim(bottom=min(0.0, float(summary["low"].min())))
+    ax.set_ylim(bottom=min(0.0, 1.05 * float(summary["low"].min())))
     if even:
         ax.set_xticks(range(len(levels)), [f"{level:,}".replace(",", " ") for level in levels])
     ax.set_xlabel(xlabel)
