@@ -2,6 +2,9 @@
 
 import hashlib
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -78,3 +81,18 @@ def test_every_published_figure_is_as_its_manifest_says():
             assert hashlib.sha256((paths.FIGURES / file).read_bytes()).hexdigest() == digest, f"{name}: {file}"
             listed.add(file)
     assert {path.name for path in paths.FIGURES.iterdir()} == listed
+
+
+@pytest.mark.slow
+def test_figures_saved_by_two_processes_at_once_are_all_in_the_manifest(tmp_path):
+    script = (
+        "import sys; from pathlib import Path; from matplotlib.figure import Figure\n"
+        "from workbench.study.figures import save_figure\n"
+        "for k in range(8):\n"
+        "    fig = Figure(figsize=(1, 1)); fig.add_subplot().plot([0, k])\n"
+        "    save_figure(fig, f'{sys.argv[1]}_{k}', numbers={'k': [k]}, svg=False, folder=Path(sys.argv[2]))\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "WORKBENCH_QUICK"}
+    started = [subprocess.Popen([sys.executable, "-c", script, name, str(tmp_path)], env=environment) for name in ("a", "b")]
+    assert [process.wait(timeout=120) for process in started] == [0, 0]
+    assert len(json.loads((tmp_path / "manifest.json").read_text())) == 16

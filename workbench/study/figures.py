@@ -10,7 +10,9 @@ much, for machines whose arithmetic differs in the last digits.
 
 import hashlib
 import io
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,11 @@ from workbench import fields, paths
 from workbench.study.runs import Run
 from workbench.study.storage import read_json, write_json
 from workbench.study.style import style
+
+try:
+    import fcntl
+except ImportError:  # not on Windows: there, figures are made by one process
+    fcntl = None  # type: ignore[assignment]  # a module, or nothing
 
 MANIFEST = "manifest.json"
 _VERSIONS = ("workbench", "matplotlib", "mujoco", "numba", "numpy", "pandas", "scipy")
@@ -67,14 +74,15 @@ def save_figure(
     contents[f"{name}.csv"] = table.to_csv(index=False, float_format="%.10g", lineterminator="\n").encode()
     for file, content in contents.items():
         (target / file).write_bytes(content)
-    manifest = read_json(target / MANIFEST) if (target / MANIFEST).is_file() else {}
-    manifest[name] = {
+    row = {
         "files": {file: hashlib.sha256(content).hexdigest() for file, content in contents.items()},
         "sources": [_describe(group) for group in _alike(sources)],
         "versions": {package: version(package) for package in _VERSIONS},
         "mode": "full",
     }
-    write_json(target / MANIFEST, dict(sorted(manifest.items())))
+    with _alone(target):
+        manifest = read_json(target / MANIFEST) if (target / MANIFEST).is_file() else {}
+        write_json(target / MANIFEST, dict(sorted((manifest | {name: row}).items())))
     return [target / file for file in contents]
 
 
@@ -84,6 +92,16 @@ def publish(
     """Write a figure as ``save_figure`` does and return it as the picture that a notebook shows and stores."""
     save_figure(fig, name, numbers=numbers, sources=sources, svg=svg)
     return Image(_draw(fig, "png"), width=round(100 * fig.get_figwidth()))
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep other processes from a folder's manifest: notebooks are executed side by side."""
+    name = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
+    with open(Path(tempfile.gettempdir()) / f"workbench-{name}.lock", "a") as lock:
+        if fcntl is not None:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def numbers_in(folder: Path) -> dict[str, pd.DataFrame]:

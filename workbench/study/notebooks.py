@@ -29,6 +29,11 @@ def execute(path: Path, *, store: bool) -> None:
         nbformat.write(normalise(notebook), path)
 
 
+def execute_and_store(path: Path) -> None:
+    """Run a notebook and store it, in any process."""
+    execute(path, store=True)
+
+
 def normalise(notebook: NotebookNode) -> NotebookNode:
     """Return the notebook without timing, widget state, stderr and interpreter details (changed in place)."""
     notebook.metadata = nbformat.from_dict(

@@ -1,12 +1,12 @@
 """Make everything that is published: the experiment, every notebook in full mode, and with them ``figures/``."""
 
 import pandas as pd
-from tqdm import tqdm
 
 from workbench import paths
 from workbench.study.experiment import paper_runs
 from workbench.study.figures import changed_files, compare_numbers, numbers_in
-from workbench.study.notebooks import execute
+from workbench.study.notebooks import execute_and_store
+from workbench.study.sweeps import Failed, sweep
 
 
 def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
@@ -29,8 +29,9 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
     stored = {path: path.read_bytes() for path in notebooks}
     try:
         paper_runs(quick=False)
-        for path in tqdm(notebooks, desc="notebooks", disable=paths.STATIC):
-            execute(path, store=True)
+        for result in sweep(execute_and_store, notebooks):
+            if isinstance(result, Failed):
+                raise RuntimeError(result.error)
         return changed_files(before, _figure_bytes()), compare_numbers(numbers, numbers_in(paths.FIGURES))
     finally:
         if check:
