@@ -36,6 +36,14 @@ def test_stored_notebook_has_every_output_and_no_noise(path):
     assert normalise(nbformat.from_dict(json.loads(text))) == notebook
 
 
+def test_printed_lines_are_stored_as_one_output_however_they_arrived():
+    parts = [nbformat.v4.new_output("stream", name="stdout", text=text) for text in ("a\n", "b\n")]
+    picture = nbformat.v4.new_output("display_data", data={"text/plain": "x"})
+    cell = nbformat.v4.new_code_cell("", outputs=[*parts, picture, nbformat.v4.new_output("stream", name="stdout", text="c\n")])
+    stored = normalise(nbformat.v4.new_notebook(cells=[cell])).cells[0].outputs
+    assert [out.get("text") for out in stored] == ["a\nb\n", None, "c\n"]
+
+
 def test_a_failing_notebook_is_named(tmp_path):
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1 / 0")])
     nbformat.write(notebook, tmp_path / "99_bad.ipynb")

@@ -46,7 +46,18 @@ def normalise(notebook: NotebookNode) -> NotebookNode:
         cell["id"] = f"cell-{number:02d}"
         cell.metadata.pop("execution", None)
         if cell.cell_type == "code":
-            cell.outputs = [out for out in cell.outputs if out.get("name") != "stderr"]
+            cell.outputs = _one_stream([out for out in cell.outputs if out.get("name") != "stderr"])
             for out in cell.outputs:
                 out.get("metadata", {}).clear()
     return notebook
+
+
+def _one_stream(outputs: list[NotebookNode]) -> list[NotebookNode]:
+    """Join what was printed in a row: into how many messages it was cut depends on the clock."""
+    joined: list[NotebookNode] = []
+    for out in outputs:
+        if joined and out.output_type == "stream" and joined[-1].output_type == "stream" and joined[-1].name == out.name:
+            joined[-1].text += out.text
+        else:
+            joined.append(out)
+    return joined
