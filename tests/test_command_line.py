@@ -72,6 +72,15 @@ def test_studies_are_listed_with_their_questions(capsys):
     assert "buffer" in printed and "From which compute time on does the update buffer matter?" in printed
 
 
+def test_an_interruption_is_one_line_and_code_130(monkeypatch, capsys):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("workbench.study.studies.run_study", interrupt)
+    assert main(["study", "inner"]) == 130
+    assert "the same command continues" in capsys.readouterr().err
+
+
 def test_help_explains_units_and_fields():
     text = _run("learn", "--help").stdout
     for words in ("Units:", "motor steps/s", "learner.alpha", "leader_speed_mps = 0.06: constant speed of the leader"):

@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one verb; return the exit code: 0, 1 for what --check found, 2 for bad input."""
+    """Run one verb; return the exit code: 0, 1 for what --check found, 2 for bad input, 130 if interrupted."""
     flags = _parser().parse_args(arguments)
     begun = time.perf_counter()
     code = 0
@@ -95,6 +95,12 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print(
+            "interrupted: what is finished is stored; the same command continues, learn and evaluate with --resume",
+            file=sys.stderr,
+        )
+        return 130
     result["wall_s"] = round(time.perf_counter() - begun, 1)
     print(json.dumps(plain(result), ensure_ascii=False))
     return code

@@ -92,7 +92,7 @@ def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list
     folder = _cache(jobs, quick)
     missing = [job for job in jobs if not (folder / job.name / "summary.json").is_file()]
     for stage in ([job for job in missing if job.steps], [job for job in missing if not job.steps]):
-        for result in sweep(_run, [(job, folder) for job in stage], workers=workers) if stage else []:
+        for result in sweep(paper_run, [(job, folder) for job in stage], workers=workers) if stage else []:
             if isinstance(result, Failed):
                 raise RuntimeError(f"{result.config[0].name}: {result.error}\n{result.trace}")
     runs: dict[str, list[Run]] = {}
@@ -101,7 +101,7 @@ def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list
     return runs
 
 
-def _run(request: tuple[Job, Path]) -> None:
+def paper_run(request: tuple[Job, Path]) -> None:
     """Do one job in a worker process; what it makes is kept in its folder."""
     job, folder = request
     if job.steps:
