@@ -36,7 +36,7 @@ class _Robot:
         self.weights = np.zeros((2, pairs))
         self.weights[0] = self.config.learner.theta0 / tilings
         empty = new_trace(pairs)
-        self.ids, self.values = np.stack([empty[0], empty[2]]), empty[1]
+        self.ids, self.values = np.stack([empty[0], empty[2], empty[0]]), np.stack([empty[1], empty[1]])
 
     def act(self, distance, bearing, epsilon=0.0, u=0.99, room=True):
         arrays = self.task, self.follower, self.step, self.weights, self.ids, self.values

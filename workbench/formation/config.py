@@ -17,6 +17,12 @@ from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
 
 TILINGS = ("uniform", "logarithmic")
 MAX_TILINGS = 8
+# What each sensing mode tells a follower: distance and bearing of its predecessor, its own odometry, and more about the
+# predecessor. A learner needs the first two; classical laws declare what they need.
+SENSING = {
+    "truth": ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
+    "truth-relative": ("distance", "bearing", "odometry"),
+}
 V_MAX = speed_from_steps(MAX_STEPS)
 
 
@@ -30,7 +36,13 @@ class ConvoyConfig:
 
     followers: int = integer(1, 256, "", "robots behind the leader", default=4)
     drive: str = choice(DRIVES, "fidelity of the simulated robot", default="wheels")
-    sensing: str = choice(("truth",), "where the errors come from: truth reads the simulator's poses", default="truth")
+    sensing: str = choice(
+        tuple(SENSING),
+        "where the errors come from: truth reads the simulator's poses; truth-relative only distance and bearing of them",
+        default="truth",
+    )
+    noise_distance_m: float = real(0.0, 0.1, "m", "standard deviation of white noise on the sensed distance", default=0.0)
+    noise_bearing_rad: float = real(0.0, 1.0, "rad", "standard deviation of white noise on the sensed bearing", default=0.0)
     track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())
     leader_speed_mps: float = real(0.005, 0.12, "m/s", "constant speed of the leader", default=0.06)
     distance_m: tuple[float, float] = reals(
@@ -83,6 +95,11 @@ class ConvoyConfig:
             raise ValueError(
                 f"ConvoyConfig.distance_m = {self.distance_m!r} asks for d* = {self.middle_m:g} m on a track with radius_m = "
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
+            )
+        if self.learner.rule == "true-online-sarsa" and self.weights == "shared":
+            raise ValueError(
+                "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; what this rule remembers of its last "
+                "update is wrong once others have written to its table: expected weights = 'own' or 'first'"
             )
         steps = self.compute_time_s / TIMESTEP[self.drive]
         if not math.isclose(steps, round(steps), rel_tol=1e-9):

@@ -1,10 +1,10 @@
 """The convoy: joins world, leader, followers and learners, and yields blocks of step records.
 
 A convoy runs B formations side by side, one per seed, each with its own track, chance, weights and physics. Per control
-period one compiled call senses, acts and learns for every robot of every formation, and one call steps MuJoCo. The order
-within a call: leader and all followers choose from the same instant; then, while their actions run, all learn.
+period one compiled call (``formation.control``) senses, acts and learns for every robot of every formation, and one call steps
+MuJoCo.
 
-Chance: one SeedSequence per formation with named children (track, sensor, policy), drawn in advance for a whole block.
+Chance: one SeedSequence per formation with named children (track, sensor, policy, noise), drawn in advance for a whole block.
 
 >>> convoy = Convoy(ConvoyConfig(followers=1, drive="planar"), [1], steps=50)
 >>> block = convoy.run_block()
@@ -19,119 +19,27 @@ everything: ``load`` continues as if never stopped.
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numba
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from workbench.arena.floor import floor_darkness
 from workbench.arena.tracks import Track, make_track
-from workbench.arena.world import World, read_pose, write_command
+from workbench.arena.world import World
+from workbench.formation.classical import ControlLaw
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.errors import observe
-from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, STEP, act, begin_episode, learn
-from workbench.formation.leader import follow_line
+from workbench.formation.control import DIVERGED, FORMATION, control_step
+from workbench.formation.follower import FOLLOWER, STEP, begin_episode
 from workbench.formation.reset import FOLLOW
 from workbench.formation.task import fill_task
-from workbench.learning.behaviour import epsilon_at
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
-from workbench.robot.geometry import GROUND_SENSOR_X, GROUND_SENSOR_Y
-from workbench.robot.ground import ground_reading
 
 BLOCK = 2500  # control periods
-CHILDREN = ("track", "sensor", "policy")
-
-FORMATION = np.dtype(
-    [("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")]
-)
+CHILDREN = ("track", "sensor", "policy", "noise")
 
 _UNUSED = np.zeros((), STEP)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
-
-RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
-
-
-@njit(cache=True)
-def control_step(
-    t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formations: Any, robots: Any, weights: Any,
-    trace_ids: Any, trace_values: Any, chance: Any, block: Any,
-) -> int:  # fmt: skip
-    """Do one control period for all formations, all but the physics; return flags, 0 if nothing needs Python."""
-    flags = 0
-    for b in range(formations.size):
-        if formations[b].done:
-            continue
-        flags |= _formation_step(
-            t, task[0], qpos[b], ctrl[b], waiting[b], floor[b], formations[b], robots[b], weights[b],
-            trace_ids[b], trace_values[b], chance[b, t], block[b, t],
-        )  # fmt: skip
-    return flags
-
-
-@njit(cache=True)
-def _formation_step(
-    t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formation: Any, robots: Any, weights: Any,
-    trace_ids: Any, trace_values: Any, chance: Any, steps: Any,
-) -> int:  # fmt: skip
-    for i in range(robots.size):
-        robot = robots[i]
-        robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
-        steps[i].x, steps[i].y, steps[i].heading = robot.x, robot.y, math.atan2(robot.s, robot.c)
-
-    left, right = _lead(task, floor, robots[0], chance)
-    write_command(ctrl, 0, task.wheels, left, right)
-    write_command(waiting, 0, task.wheels, left, right)
-    steps[0].left, steps[0].right, steps[0].phase = left, right, FOLLOW
-
-    epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
-    flags = 0
-    for i in range(1, robots.size):
-        robot, step = robots[i], steps[i]
-        distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
-        left, right, finite = act(
-            task, robot, step, weights[robot.table], trace_ids[i - 1], trace_values[i - 1], distance, bearing,
-            epsilon if robot.learns else 0.0, chance[2 + i], formation.updates < formation.budget,
-        )  # fmt: skip
-        if task.delayed:  # what has just been learned took time, in which the wheels hold the last command
-            write_command(waiting, i, task.wheels, left, right)
-        if not (task.delayed and step.event & LEARNED):
-            write_command(ctrl, i, task.wheels, left, right)
-        step.left, step.right = left, right
-        if step.event & LEARNED:
-            formation.updates += 1
-        if not finite:
-            flags |= DIVERGED
-        if task.restart and step.event & LOSS:
-            flags |= RESTART
-            formation.restart = 1
-    for i in range(1, robots.size):
-        robot = robots[i]
-        if not learn(task, robot, weights[robot.table], trace_ids[i - 1], trace_values[i - 1]):
-            flags |= DIVERGED
-    formation.periods += 1
-    if formation.updates >= formation.budget or formation.periods >= formation.last_period:
-        formation.done = 1
-        flags |= FINISHED
-    return flags
-
-
-@njit(cache=True)
-def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
-    """Read the three ground sensors under the leader and follow the line with them."""
-    left = _read_ground(task, floor, leader, 0, noise[0])
-    centre = _read_ground(task, floor, leader, 1, noise[1])
-    right = _read_ground(task, floor, leader, 2, noise[2])
-    return follow_line(leader, left, centre, right, task.leader_steps)
-
-
-@njit(cache=True)
-def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
-    x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
-    y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]
-    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), k, noise)
 
 
 class Convoy:
@@ -143,6 +51,8 @@ class Convoy:
         steps: learning updates per formation, summed over its followers; 0 for a greedy, frozen evaluation.
         periods: control periods at most; default for learning: twenty times what undisturbed learning needs.
         policy: (tables, rows, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
+        law: a classical law that drives all followers instead of a policy; without learning only.
+        horizon: updates over which schedules are stretched, default ``steps``; a shorter run is then how a longer one begins.
         threads: MuJoCo's threads, 0 for one per core.
 
     Attributes:
@@ -160,12 +70,18 @@ class Convoy:
         steps: int = 0,
         periods: int | None = None,
         policy: NDArray[np.float64] | None = None,
+        law: ControlLaw | None = None,
+        horizon: int | None = None,
         threads: int = 0,
     ) -> None:
         if not seeds:
             raise ValueError("seeds is empty; expected at least one seed")
         if steps < 0 or (steps == 0 and not periods):
             raise ValueError(f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1")
+        if law is not None:
+            if steps or policy is not None:
+                raise ValueError(f"steps = {steps!r} with law = {law!r}; a law has no weights and does not learn: give periods")
+            law.check(config)
         self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
         self._rngs = [_children(seed) for seed in seeds]
@@ -177,8 +93,8 @@ class Convoy:
         pairs = config.rows * config.actions
         self.weights = self._first_weights(count, pairs, policy)
         empty = new_trace(pairs)
-        self._trace_ids = np.tile(np.stack([empty[0], empty[2]]), (count, n, 1, 1))
-        self._trace_values = np.zeros((count, n, pairs))
+        self._trace_ids = np.tile(np.stack([empty[0], empty[2], empty[0]]), (count, n, 1, 1))
+        self._trace_values = np.zeros((count, n, 2, pairs))
         self._waiting = np.zeros_like(self.world.ctrl)  # the commands of this period, where they wait for an update
         self._delay = config.delay_steps
         self._formations = np.zeros(count, FORMATION)
@@ -195,9 +111,10 @@ class Convoy:
             self._robots["learns"][:, 1:] = 1
             if config.weights == "first":
                 self._robots["learns"][:, 2:] = 0
-        self._task = fill_task(config, steps, self.world)
-        self._chance = np.zeros((count, BLOCK, 3 + n))
-        self._sensor, self._policy = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n))
+        self._task = fill_task(config, horizon or steps, self.world, law)
+        self._noisy = bool(self._task["noisy"][0])
+        self._chance = np.zeros((count, BLOCK, 3 + n + (2 * n if self._noisy else 0)))
+        self._sensor, self._policy, self._noise = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n)), np.zeros((BLOCK, 2 * n))
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
             self._task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self._robots,
@@ -242,7 +159,10 @@ class Convoy:
         for b, rng in enumerate(self._rngs):
             rng["sensor"].standard_normal(out=self._sensor)
             rng["policy"].random(out=self._policy)
-            self._chance[b, :, :3], self._chance[b, :, 3:] = self._sensor, self._policy
+            self._chance[b, :, :3], self._chance[b, :, 3 : 3 + self._policy.shape[1]] = self._sensor, self._policy
+            if self._noisy:
+                rng["noise"].standard_normal(out=self._noise)
+                self._chance[b, :, 3 + self._policy.shape[1] :] = self._noise
         before = self.periods.copy()
         act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
         step, running, delay, ctrl = self.world.batch.step, self._running(), self._delay, self.world.ctrl
@@ -317,6 +237,7 @@ class Convoy:
             self._waiting[b] = 0
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
             self._robots[b, 0]["memory"] = self._first_memory
+            self._robots[b]["pc"] = self._robots[b]["ps"] = 0.0  # what was measured of the last period is void
             for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
                 robot["phase"], robot["timer"] = FOLLOW, 0
@@ -363,13 +284,18 @@ def _release(ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: N
 
 def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
     """Return a world of one formation on its own track, with the robots where one row of step records (STEP) has them."""
-    track = _track(config, _children(config.seed)["track"])
+    track = track_of(config)
     world = World(
         config.followers, [track], drive=config.drive, spacing_m=config.middle_m, line_width_m=config.track.line_width_m
     )
     for robot, pose in enumerate(poses):
         world.place(0, robot, float(pose["x"]), float(pose["y"]), float(pose["heading"]))
     return world
+
+
+def track_of(config: ConvoyConfig) -> Track:
+    """Return the track that a formation of this configuration drives on."""
+    return _track(config, _children(config.seed)["track"])
 
 
 def _track(config: ConvoyConfig, rng: np.random.Generator) -> Track:

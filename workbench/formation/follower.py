@@ -1,8 +1,9 @@
 """The follower: sense → tile → act → learn → reset. There is one implementation, this one.
 
 A follower is one record of type FOLLOWER, a row of weights and a sparse trace. ``act`` turns an observation into wheel
-commands and caches the finished transition; ``learn`` learns what is cached. With the update buffer (paper II-D) the loop
-calls ``act``, sends the command, and then ``learn``, while the action runs: action t + 1 uses weights without transition t.
+commands, by its table or by a classical law (``formation.steering``), and caches the finished transition; ``learn`` learns what
+is cached. With the update buffer (paper II-D) the loop calls ``act``, sends the command, and then ``learn``, while the action
+runs: action t + 1 uses weights without transition t.
 Without it ``act`` learns first. ρ is stored when an action is chosen and travels with its transition.
 
 The fast simulation loop calls both for all followers of all formations; a loop that drives one robot calls the same two.
@@ -20,8 +21,11 @@ from numba import njit
 from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
+from workbench.formation.steering import CRUMBS, steer
 from workbench.learning.behaviour import explore, greedy_of_sum
+from workbench.learning.config import RULES
 from workbench.learning.kernel import clear_trace, gq_update
+from workbench.learning.sarsa import sarsa_update
 from workbench.learning.tiles import tile_index
 
 MAX_TILES = 64  # per dimension, of states and of actions
@@ -35,10 +39,13 @@ TASK = np.dtype(
         ("left_steps", "i8", (MAX_TILES,)), ("right_steps", "i8", (MAX_TILES,)),  # steps/s of each action level
         ("middle", "f8"), ("half_range", "f8"), ("limit", "f8"), ("sight", "f8"),  # m, m, rad, m
         ("preset", "i8"), ("terminal_reward", "f8"),
-        ("alpha", "f8"), ("beta", "f8"), ("gamma", "f8"), ("lam", "f8"), ("cutoff", "f8"), ("buffer", "i8"),
+        ("rule", "i8"), ("alpha", "f8"), ("beta", "f8"), ("gamma", "f8"), ("lam", "f8"), ("cutoff", "f8"), ("kappa", "f8"),
+        ("buffer", "i8"),
         ("schedule", "i8"), ("epsilon", "f8"), ("epsilon_final", "f8"), ("epsilon_horizon", "f8"),
         ("leader_steps", "f8"), ("column0", "i8"), ("row0", "i8"), ("wheels", "i8"), ("restart", "i8"),
         ("delayed", "i8"),  # whether commands wait for the update
+        ("distance_noise", "f8"), ("bearing_noise", "f8"), ("noisy", "i8"),  # m, rad: standard deviations; whether there is any
+        ("law", "i8"), ("gain", "f8", (8,)), ("slowest", "f8"), ("fastest", "f8"),  # of a classical follower; steps/s of a wheel
     ],
     align=True,
 )  # fmt: skip
@@ -53,7 +60,13 @@ FOLLOWER = np.dtype(
         # first weight of the active cell of every tiling: at the last choice, now, and of the waiting transition's two ends
         ("cells", "i8", (MAX_TILINGS,)), ("now", "i8", (MAX_TILINGS,)),
         ("w_cells", "i8", (MAX_TILINGS,)), ("w_next_cells", "i8", (MAX_TILINGS,)),
-        ("phi", "i8", (MAX_TILINGS,)), ("bar", "i8", (MAX_TILINGS,)), ("delta", "f8"),  # the kernel's lists; last TD error
+        ("phi", "i8", (MAX_TILINGS,)), ("delta", "f8"),  # the kernel's list of φ; last TD error
+        ("epsilon", "f8"), ("q_old", "f8"),  # ε of this moment; true online Sarsa's memory
+        # for classical laws: own motion in the last period and the pose before it; what is known of the predecessor; memory
+        ("speed", "f8"), ("turn", "f8"), ("px", "f8"), ("py", "f8"), ("pc", "f8"), ("ps", "f8"),
+        ("ahead_heading", "f8"), ("ahead_speed", "f8"), ("ahead_turn", "f8"),  # rad relative to own, m/s, rad/s
+        ("left", "i8"), ("right", "i8"), ("integral", "f8"), ("ox", "f8"), ("oy", "f8"), ("oh", "f8"),
+        ("crumbs", "i8"), ("trail", "f8", (CRUMBS, 2)),
     ],
     align=True,
 )  # fmt: skip
@@ -68,16 +81,17 @@ STEP = np.dtype(  # no padding: equal records are equal bytes
     ]
 )  # fmt: skip
 
-LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED = 1, 2, 4, 8, 16  # bits of STEP.event
+LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED, EXPLORED = 1, 2, 4, 8, 16, 32  # bits of STEP.event; the last: of the command
 
 _ONES = np.ones(MAX_TILINGS)
+_WATKINS, _EXPECTED, _SARSA = (RULES.index(name) for name in ("watkins-q", "expected-sarsa", "true-online-sarsa"))
 
 
 @njit(cache=True)
 def begin_episode(follower: Any, trace_ids: Any) -> None:
     """Forget the last action and clear the trace."""
     follower.trace = clear_trace(trace_ids[0], trace_ids[1], follower.trace)
-    follower.decay = 0.0
+    follower.decay = follower.q_old = 0.0
     follower.state = -1
 
 
@@ -88,30 +102,56 @@ def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: 
     Args:
         task, follower: records of type TASK and FOLLOWER.
         weights: (2, pairs) main and secondary weights.
-        trace_ids: (2, pairs) index and slot of the sparse trace; trace_values: (pairs,).
+        trace_ids: (3, pairs) index and slot of the sparse trace, and room for the features of φ̄.
+        trace_values: (2, pairs) values of the trace, and room for those of φ̄.
     """
     if follower.waiting == 0:
         return True
     follower.waiting = 0
-    phi, bar, m = follower.phi, follower.bar, task.tilings
+    phi, m = follower.phi, task.tilings
     for k in range(m):
         phi[k] = follower.w_cells[k] + follower.w_action
-    gamma, count = 0.0, 0
+    gamma, count, w_e = 0.0, 0, 0.0
     if follower.w_next >= 0:
-        gamma, count = task.gamma, m
-        best = greedy_of_sum(weights[0], follower.w_next_cells, m, task.actions)
-        for k in range(m):
-            bar[k] = follower.w_next_cells[k] + best
-    follower.trace, follower.delta, w_e = gq_update(
-        weights[0], weights[1], trace_ids[0], trace_values, trace_ids[1], follower.trace,
-        phi[:m], _ONES, bar[:count], _ONES, follower.w_reward, 0.0, 1.0, follower.w_rho, follower.decay,
-        gamma, task.lam, task.alpha, task.beta, task.cutoff,
-    )  # fmt: skip
+        gamma, count = task.gamma, _expect(task, follower, weights[0], trace_ids[2], trace_values[1])
+    bar, bar_value = trace_ids[2, :count], trace_values[1, :count]
+    if task.rule == _SARSA:
+        follower.trace, follower.delta, follower.q_old = sarsa_update(
+            weights[0], trace_ids[0], trace_values[0], trace_ids[1], follower.trace, phi[:m], _ONES, bar, bar_value,
+            follower.w_reward, follower.decay, gamma, task.alpha, follower.q_old, task.cutoff,
+        )  # fmt: skip
+    else:
+        follower.trace, follower.delta, w_e = gq_update(
+            weights[0], weights[1], trace_ids[0], trace_values[0], trace_ids[1], follower.trace,
+            phi[:m], _ONES, bar, bar_value, follower.w_reward, 0.0, 1.0, follower.w_rho, follower.decay,
+            gamma, task.lam, task.alpha, task.beta, task.cutoff, task.kappa,
+        )  # fmt: skip
     follower.decay = gamma * task.lam
     finite = math.isfinite(follower.delta) and math.isfinite(w_e) and math.isfinite(weights[0, phi[0]])
     if follower.w_next < 0:
         begin_episode(follower, trace_ids)
     return finite
+
+
+@njit(cache=True)
+def _expect(task: Any, follower: Any, theta: Any, bar: Any, bar_value: Any) -> int:
+    """Write φ̄_{t+1} under the rule's target policy as lists of features and values; return their length."""
+    cells, m, actions = follower.w_next_cells, int(task.tilings), int(task.actions)
+    if task.rule == _SARSA:  # the action that is running now
+        best = follower.action
+    else:
+        best = greedy_of_sum(theta, cells, m, actions)
+    if task.rule != _EXPECTED:
+        for k in range(m):
+            bar[k], bar_value[k] = cells[k] + best, 1.0
+        return m
+    share = follower.epsilon / actions
+    for k in range(m):
+        for action in range(actions):
+            place = k * actions + action
+            bar[place] = cells[k] + action
+            bar_value[place] = share + (1.0 - follower.epsilon if action == best else 0.0)
+    return m * actions
 
 
 @njit(cache=True)
@@ -166,6 +206,7 @@ def act(
     """
     step.state, step.action, step.event = -1, -1, 0
     step.distance_error, step.bearing, step.reward = 0.0, 0.0, 0.0
+    follower.epsilon = epsilon
     finite = True
     e_d = distance - task.middle
     if follower.phase != FOLLOW:
@@ -199,11 +240,21 @@ def act(
             follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight
         )  # fmt: skip
         return left, right, finite
+    step.phase = FOLLOW
+    if task.law:
+        left, right = steer(task, follower, distance, bearing)
+        follower.state, follower.action, follower.e_d, follower.o_err = state, -1, e_d, bearing
+        return left, right, finite
     best = greedy_of_sum(weights[0], follower.now, task.tilings, task.actions)
     action, rho = explore(best, task.actions, epsilon, u)
+    if action != best:
+        step.event |= EXPLORED
+    if task.rule == _WATKINS:
+        rho = 1.0 if action == best else 0.0
+    elif task.rule == _EXPECTED:
+        rho = 1.0  # on-policy
     for k in range(task.tilings):
         follower.cells[k] = follower.now[k]
     follower.state, follower.action, follower.rho = state, action, rho
     follower.e_d, follower.o_err = e_d, bearing
-    step.phase = FOLLOW
     return task.left_steps[action // task.right_levels], task.right_steps[action % task.right_levels], finite

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.learning.behaviour import choose_action, greedy_action
 from workbench.learning.kernel import clear_trace, gq_update, new_trace
 
-SCHEMA = 1
+SCHEMA = 2
 State = dict[str, NDArray[np.float64] | NDArray[np.int32] | float | int | str]
 
 
@@ -35,19 +35,23 @@ class GQ:
         alpha, beta: main and secondary step size.
         cutoff: trace entries at or below this magnitude are dropped; 0 keeps all.
         theta0: initial main weight.
+        kappa: regularisation of the secondary weights; 1 with beta = alpha makes it QRC(λ).
 
     Invariant: the sparse trace never holds a feature twice, and w starts at 0.
     """
 
-    def __init__(self, features: int, alpha: float, *, beta: float = 0.0, cutoff: float = 0.0, theta0: float = 0.0) -> None:
+    def __init__(
+        self, features: int, alpha: float, *, beta: float = 0.0, cutoff: float = 0.0, theta0: float = 0.0, kappa: float = 0.0
+    ) -> None:
         if features < 1:
             raise ValueError(f"features = {features!r}; expected at least 1")
-        for name, number, positive in (("alpha", alpha, True), ("beta", beta, False), ("cutoff", cutoff, False)):
+        own = (("alpha", alpha, True), ("beta", beta, False), ("cutoff", cutoff, False), ("kappa", kappa, False))
+        for name, number, positive in own:
             if not np.isfinite(number) or number < 0 or (positive and number == 0):
                 raise ValueError(f"{name} = {number!r}; expected a finite number {'above' if positive else 'from'} 0")
         if not np.isfinite(theta0):
             raise ValueError(f"theta0 = {theta0!r}; expected a finite number")
-        self.alpha, self.beta, self.cutoff = float(alpha), float(beta), float(cutoff)
+        self.alpha, self.beta, self.cutoff, self.kappa = float(alpha), float(beta), float(cutoff), float(kappa)
         self._theta = np.full(features, float(theta0))
         self._w = np.zeros(features)
         self._index, self._value, self._slot = new_trace(features)
@@ -91,7 +95,7 @@ class GQ:
             self._theta, self._w, self._index, self._value, self._slot, self._n,
             *self._features("phi", phi), *self._features("phi_bar", phi_bar),
             float(reward), float(outcome), float(interest), float(rho),
-            self._decay, float(gamma), float(lam), self.alpha, self.beta, self.cutoff,
+            self._decay, float(gamma), float(lam), self.alpha, self.beta, self.cutoff, self.kappa,
         )  # fmt: skip
         self._decay = float(gamma) * float(lam)
         self.steps += 1
@@ -130,7 +134,7 @@ class GQ:
             "schema": SCHEMA, "kind": type(self).__name__, "theta": self.theta.copy(), "w": self.w.copy(),
             "trace_index": self._index[: self._n].copy(), "trace_value": self._value[: self._n].copy(),
             "decay": self._decay, "steps": self.steps,
-            "alpha": self.alpha, "beta": self.beta, "cutoff": self.cutoff,
+            "alpha": self.alpha, "beta": self.beta, "cutoff": self.cutoff, "kappa": self.kappa,
         }  # fmt: skip
 
     def load(self, state: Mapping[str, object]) -> None:
@@ -173,7 +177,7 @@ class GreedyGQ(GQ):
         states, actions: size of the table; one binary feature per pair.
         alpha, beta: main and secondary step size (β = αη).
         gamma, lam: discount and trace decay of every state that is not terminal.
-        cutoff, theta0: see GQ.
+        cutoff, theta0, kappa: see GQ.
     """
 
     def __init__(
@@ -187,13 +191,10 @@ class GreedyGQ(GQ):
         lam: float,
         cutoff: float = 0.0,
         theta0: float = 0.0,
+        kappa: float = 0.0,
     ) -> None:
-        if states < 1 or actions < 1:
-            raise ValueError(f"states = {states!r}, actions = {actions!r}; expected at least 1 of each")
-        for name, number in (("gamma", gamma), ("lam", lam)):
-            if not 0.0 <= number <= 1.0:
-                raise ValueError(f"{name} = {number!r}; expected a number from 0 to 1")
-        super().__init__(states * actions, alpha, beta=beta, cutoff=cutoff, theta0=theta0)
+        check_table(states, actions, gamma, lam)
+        super().__init__(states * actions, alpha, beta=beta, cutoff=cutoff, theta0=theta0, kappa=kappa)
         self.states, self.actions = states, actions
         self.gamma, self.lam = float(gamma), float(lam)
 
@@ -301,6 +302,15 @@ class UpdateBuffer:
 
     def __exit__(self, *_: object) -> None:
         self.flush()
+
+
+def check_table(states: int, actions: int, gamma: float, lam: float) -> None:
+    """Raise ValueError unless a table has states and actions, and γ and λ lie in [0, 1]."""
+    if states < 1 or actions < 1:
+        raise ValueError(f"states = {states!r}, actions = {actions!r}; expected at least 1 of each")
+    for name, number in (("gamma", gamma), ("lam", lam)):
+        if not 0.0 <= number <= 1.0:
+            raise ValueError(f"{name} = {number!r}; expected a number from 0 to 1")
 
 
 def not_finite(step: int, theta: NDArray[np.float64], w: NDArray[np.float64], alpha: float, beta: float) -> str:

@@ -6,15 +6,18 @@ secondary weights w, trace e, main step α and secondary step β:
     δ_t = R + (1 - γ') z + γ' θ·φ̄ - θ·φ
     e_t = ρ γ λ e_{t-1} + I φ                  γ, λ of S_t; γ', λ' of S_{t+1}
     θ  += α [δ e - γ' (1 - λ') (w·e) φ̄]        with the old w
-    w  += β [δ e - (w·φ) φ]
+    w  += β [δ e - (w·φ) φ - κ w]
 
 φ is the feature vector of (S_t, A_t) and φ̄ the expected feature vector of S_{t+1} under the target policy, both as lists
 of indices and values. At a terminal γ' = 0 and φ̄ is empty: the discount is data, there is no flag. ρ is an argument: it
 was fixed with the weights that chose A_t and must never be derived again later.
 
+Rival learners are settings of this kernel: β = 0 and ρ in {0, 1} is Watkins' Q(λ); β = 0 is Expected Sarsa(λ) for any target
+policy; κ = 1 (β = α) is QRC(λ), Q-learning with regularised corrections (Ghiassian et al., ICML 2020). GQ(λ) has κ = 0.
+
 The trace is sparse. ``index[:n]`` and ``value[:n]`` are its entries, ``slot[i]`` is the place of feature i in them or -1.
 Entries whose magnitude is at or below ``cutoff`` are dropped; 0 drops only what has underflown to exactly zero. The cost
-is O(n), whatever the number of features.
+is O(n), whatever the number of features; κ > 0 shrinks all of w, which costs a pass over the features.
 
 Contract: all arrays are written in place and nothing is allocated. The caller keeps n between calls.
 """
@@ -44,7 +47,8 @@ def clear_trace(index: Any, slot: Any, n: int) -> int:
 
 
 @njit(cache=True)
-def _decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutoff: float) -> int:
+def decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutoff: float) -> int:
+    """Multiply a trace of n entries by a factor, drop what becomes too small, and return its new length."""
     if factor == 0.0:
         return clear_trace(index, slot, n)
     k = 0
@@ -59,6 +63,21 @@ def _decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutof
                 index[k] = index[n]
                 value[k] = value[n]
                 slot[index[k]] = k
+    return n
+
+
+@njit(cache=True)
+def add_to_trace(index: Any, value: Any, slot: Any, n: int, phi: Any, phi_value: Any, factor: float) -> int:
+    """Add factor times a feature vector to a trace of n entries and return its new length."""
+    for k in range(phi.size):
+        place = slot[phi[k]]
+        if place < 0:
+            index[n] = phi[k]
+            value[n] = factor * phi_value[k]
+            slot[phi[k]] = n
+            n += 1
+        else:
+            value[place] += factor * phi_value[k]
     return n
 
 
@@ -84,6 +103,7 @@ def gq_update(
     alpha: float,
     beta: float,
     cutoff: float,
+    kappa: float = 0.0,
 ) -> tuple[int, float, float]:
     """Learn one transition in place.
 
@@ -98,6 +118,7 @@ def gq_update(
         gamma_tp1, lam_tp1: γ' and λ' of S_{t+1}.
         alpha, beta: main and secondary step size.
         cutoff: magnitude at or below which trace entries are dropped.
+        kappa: regularisation κ of w: 0 for GQ(λ), 1 for QRC(λ).
 
     Returns:
         (n, δ_t, w·e_t): the trace's new length, the temporal-difference error and the correction's factor.
@@ -110,20 +131,16 @@ def gq_update(
         delta -= theta[phi[k]] * phi_value[k]
         w_phi += w[phi[k]] * phi_value[k]
 
-    n = _decay_trace(index, value, slot, n, rho * decay, cutoff)
-    for k in range(phi.size):
-        place = slot[phi[k]]
-        if place < 0:
-            index[n] = phi[k]
-            value[n] = interest * phi_value[k]
-            slot[phi[k]] = n
-            n += 1
-        else:
-            value[place] += interest * phi_value[k]
+    n = decay_trace(index, value, slot, n, rho * decay, cutoff)
+    n = add_to_trace(index, value, slot, n, phi, phi_value, interest)
 
     w_e = 0.0
     for k in range(n):
         w_e += w[index[k]] * value[k]
+    if kappa > 0.0:
+        shrink = 1.0 - beta * kappa
+        for k in range(w.size):
+            w[k] *= shrink
     for k in range(n):
         theta[index[k]] += alpha * delta * value[k]
         w[index[k]] += beta * delta * value[k]

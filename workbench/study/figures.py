@@ -173,8 +173,8 @@ def _describe(runs: list[Run]) -> dict[str, Any]:
     run = runs[0]
     config = fields.to_dict(run.config)
     del config["seed"]
-    weights = hashlib.sha256(b"".join(run.policy.theta.tobytes() for run in runs)).hexdigest()
+    policies = hashlib.sha256("".join(run.policy.sha256() for run in runs).encode()).hexdigest()
     return {
         "kind": run.kind, "length": run.length, "seeds": [run.config.seed for run in runs], "config": config,
-        "weights_sha256": weights,
+        "policies_sha256": policies,
     }  # fmt: skip

@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, STEP, TIMED_OUT
 from workbench.formation.reset import FOLLOW, LOST
-from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.geometry import BODY_RADIUS, CONTROL_PERIOD
 from workbench.study.statistics import best_block, best_cell, moments
 from workbench.study.storage import plain
 
 SAMPLED = (0.0, 0.01, 0.1, 0.5)  # parts of the run after which a whole block is kept; the last whole one is kept too
 SUMS = (
     "visits", "distance", "distance2", "bearing", "bearing2", "reward",
-    "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost",
+    "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost", "collisions",
 )  # fmt: skip
+TOUCH = 2 * BODY_RADIUS  # m between centres below which two robots touch
 _EVENTS = (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)
 RECORDS = ("starts", "sums", "visits", "samples", "sample_lengths", "sample_starts")
 Records = dict[str, NDArray[Any]]
@@ -56,6 +57,7 @@ class Recorder:
         sums = np.zeros((self.config.followers, len(SUMS)))
         visits = np.zeros((self.config.followers, self._states), np.int32)
         _reduce(block, sums, visits)
+        count_collisions(block, self._last[-1:], sums[:, SUMS.index("collisions")])
         self._rows.append(sums)
         self._visits.append(visits)
         due = len(self._samples) < len(SAMPLED) and start >= SAMPLED[len(self._samples)] * self.length
@@ -72,7 +74,8 @@ class Recorder:
         Returns:
             starts: (K,) updates (periods) before each block.
             sums: (K, followers, len(SUMS)) see SUMS: visits, sums of errors and their squares (m, rad) and of rewards,
-                event counts, control periods in all, away from following, and lost among them.
+                event counts, control periods in all, away from following, and lost among them, and collisions: how often the
+                robot began to touch one in front of it in line (seen once per control period).
             visits: (K, followers, states).
             samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last whole block at the end.
             sample_lengths, sample_starts: (M,) periods of each sampled block, updates (periods) before it.
@@ -121,6 +124,30 @@ def _reduce(block: Any, sums: Any, visits: Any) -> None:
             row[12] += step.phase == LOST
 
 
+@njit(cache=True)
+def count_collisions(block: Any, before: Any, counts: Any) -> None:
+    """Add to counts (followers,) how often each began to touch a robot in front of it in line.
+
+    Args:
+        block: (periods, robots) of STEP; before: (0 or 1, robots), the period before it.
+    """
+    for t in range(block.shape[0]):
+        for i in range(1, block.shape[1]):
+            for j in range(i):
+                if _touching(block[t, i], block[t, j]):
+                    begun = not _touching(block[t - 1, i], block[t - 1, j]) if t else True
+                    if t == 0 and before.shape[0]:
+                        begun = not _touching(before[0, i], before[0, j])
+                    if begun:
+                        counts[i - 1] += 1
+
+
+@njit(cache=True)
+def _touching(a: Any, b: Any) -> bool:
+    dx, dy = float(a.x) - float(b.x), float(a.y) - float(b.y)
+    return dx * dx + dy * dy < TOUCH * TOUCH
+
+
 def sampled_blocks(records: Mapping[str, NDArray[Any]]) -> list[tuple[int, NDArray[np.void]]]:
     """Return the sampled blocks as (updates or periods before it, (periods, followers + 1) of STEP)."""
     blocks = np.split(records["samples"], np.cumsum(records["sample_lengths"])[:-1])
@@ -139,6 +166,7 @@ def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[
     third = _numbers(config, records["visits"][late], records["sums"][late])
     wanted = (
         "share_best_cell", "share_best_3x3", "share_best_3x3_all_time", "share_best_cell_all_time", "losses", "losses_per_hour",
+        "collisions",
         "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg",
     )  # fmt: skip
     return plain(  # type: ignore[no-any-return]  # a dict of plain values
@@ -169,6 +197,7 @@ def _numbers(config: ConvoyConfig, visits: NDArray[np.int32], sums: NDArray[np.f
         "losses_per_hour": losses / hours if hours else math.nan,  # per hour of one follower
         "time_outs": int(column["timed_out"].sum()),
         "gave_up": int(column["gave_up"].sum()),
+        "collisions": int(column["collisions"].sum()),
         "mean_distance_mm": 1000 * e_mean,
         "rms_distance_mm": 1000 * e_rms,
         "bearing_mean_deg": math.degrees(o_mean),

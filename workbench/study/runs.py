@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import fields
+from workbench.formation.classical import ControlLaw, Controller, controller_from_arrays
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
@@ -49,7 +50,7 @@ class Run:
         config: what it ran with.
         length: learning updates asked for ("learn") or control periods ("evaluate").
         updates: learning updates done.
-        policy: the learned (or the followed) action values with their tiles and levels.
+        policy: the learned (or the followed) action values with their tiles and levels, or the law that drove.
         w: (tables, rows, actions) secondary weights.
         records: see ``workbench.study.records.Recorder.records``.
     """
@@ -58,7 +59,7 @@ class Run:
     config: ConvoyConfig
     length: int
     updates: int
-    policy: Policy
+    policy: Controller
     w: NDArray[np.float64]
     records: Records
 
@@ -117,7 +118,7 @@ def learn(
         OSError: a checkpoint could not be written; the last good one is kept.
     """
     folders = [Path(out)] if out is not None else None
-    policies = [policy] if policy is not None else None
+    policies: list[Controller] | None = [policy] if policy is not None else None
     batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policies, folders)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
 
@@ -140,7 +141,7 @@ def learn_seeds(
 
 
 def evaluate(
-    policy: Policy,
+    policy: Controller,
     config: ConvoyConfig,
     *,
     minutes: float = 30.0,
@@ -148,10 +149,10 @@ def evaluate(
     resume: bool = False,
     progress: Progress = True,
 ) -> Run:
-    """Let all followers exploit a policy greedily, without learning, for a simulated time.
+    """Let all followers exploit a policy greedily, without learning, or be driven by a classical law, for a simulated time.
 
     Raises:
-        ValueError: the policy's tiles or actions are not the configuration's.
+        ValueError: the policy's tiles or actions are not the configuration's, or its sensing does not give what the law needs.
         FileExistsError: ``out`` has something in it and resume is False.
     """
     folder = Path(out) if out is not None else None
@@ -160,7 +161,7 @@ def evaluate(
 
 
 def evaluate_seeds(
-    policies: Sequence[Policy],
+    policies: Sequence[Controller],
     config: ConvoyConfig,
     seeds: Sequence[int],
     *,
@@ -182,7 +183,7 @@ def evaluate_seeds(
 
 
 def _evaluation(
-    policies: Sequence[Policy],
+    policies: Sequence[Controller],
     config: ConvoyConfig,
     seeds: Sequence[int],
     minutes: float,
@@ -193,8 +194,10 @@ def _evaluation(
         raise ValueError(f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed")
     for policy in policies:
         policy.check(config)
-    if len({policy.theta.shape for policy in policies}) > 1:
-        raise ValueError("the policies have different numbers of tables; evaluate them in separate batches")
+    if len({policy.theta.shape if isinstance(policy, Policy) else policy.sha256() for policy in policies}) > 1:
+        raise ValueError(
+            "the policies have different numbers of tables, or are different laws; evaluate them in separate batches"
+        )
     if not 0 < minutes <= 1e6:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
     periods = _positive("periods", round(minutes * 60 / CONTROL_PERIOD))
@@ -223,7 +226,7 @@ def load_run(path: str | Path) -> Run:
         config=fields.from_dict(ConvoyConfig, header["config"]),
         length=header["length"],
         updates=int(weights["updates"]),
-        policy=Policy.from_arrays(weights),
+        policy=controller_from_arrays(weights),
         w=weights["w"],
         records=records,
     )
@@ -244,7 +247,7 @@ class _Batch:
         config: ConvoyConfig,
         seeds: tuple[int, ...],
         length: int,
-        policies: list[Policy] | None,
+        policies: list[Controller] | None,
         folders: list[Path] | None,
         threads: int = 0,
     ) -> None:
@@ -259,7 +262,7 @@ class _Batch:
 
     def headers(self) -> list[dict[str, Any]]:
         """Return what each run's config.json says: everything that its result depends on."""
-        given: list[Policy | None] = list(self.policies) if self.policies else [None] * len(self.seeds)
+        given: list[Controller | None] = list(self.policies) if self.policies else [None] * len(self.seeds)
         return [_header(self.kind, config, self.length, policy) for config, policy in zip(self.configs, given, strict=True)]
 
     def run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
@@ -306,11 +309,15 @@ class _Batch:
 
     def _convoy(self) -> Convoy:
         learning = self.kind == "learn"
-        given = np.stack([policy.theta for policy in self.policies]) if self.policies else None
+        tables = [policy.theta for policy in self.policies or [] if isinstance(policy, Policy)]
         return Convoy(
             self.config, self.seeds, steps=self.length if learning else 0, periods=None if learning else self.length,
-            policy=given, threads=self.threads,
+            policy=np.stack(tables) if tables else None, law=self._law(), threads=self.threads,
         )  # fmt: skip
+
+    def _law(self) -> ControlLaw | None:
+        first = self.policies[0] if self.policies else None
+        return first if isinstance(first, ControlLaw) else None
 
     def _results(self, convoy: Convoy, recorders: list[Recorder]) -> list[Run]:
         runs = []
@@ -322,7 +329,7 @@ class _Batch:
                     f"seed {config.seed}: only {updates} of {self.length} learning updates in {int(convoy.periods[b])} control "
                     "periods; the followers were lost most of the time: check bounds, speeds and sight_m"
                 )
-            policy = Policy.of(config, theta)
+            policy = self._law() or Policy.of(config, theta)
             runs.append(Run(self.kind, config, self.length, updates, policy, w, recorders[b].records()))
         return runs
 
@@ -363,7 +370,7 @@ def _store(run: Run, folder: Path) -> None:
     write_json(folder / "summary.json", run.summary)
 
 
-def _header(kind: str, config: ConvoyConfig, length: int, policy: Policy | None) -> dict[str, Any]:
+def _header(kind: str, config: ConvoyConfig, length: int, policy: Controller | None) -> dict[str, Any]:
     versions = {name: version(name) for name in ("workbench", "mujoco", "numba", "numpy")}
     return {
         "schema": SCHEMA, "kind": kind, "length": length, "unit": "updates" if kind == "learn" else "control periods",

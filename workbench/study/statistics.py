@@ -143,6 +143,32 @@ def time_to_criterion(times: ArrayLike, lengths: ArrayLike) -> TimeToCriterion:
     return TimeToCriterion(when.size, reached, float(below[0]) if below.size else math.inf, mean, low, high, horizon)
 
 
+def time_to_stable(losses: ArrayLike, errors: ArrayLike, *, block: int = 5000) -> float:
+    """Return after how many of its own updates a follower is stable (requirement E4), NaN if it never is.
+
+    Blocks of ``block`` updates are judged by their losses and their RMS error. Stable is the first block from which on none
+    exceeds twice the final median in either, the final median being that of the last third of the blocks (our choice).
+
+    Args:
+        losses: (N,) whether each update ended in a loss.
+        errors: (N,) distance error at each update, any unit.
+        block: updates per block; what is left over at the end does not count.
+
+    Raises:
+        ValueError: the two have different lengths, or there are fewer than three blocks.
+    """
+    lost, error = np.asarray(losses, dtype=np.float64).ravel(), np.asarray(errors, dtype=np.float64).ravel()
+    count = lost.size // block
+    if lost.size != error.size or count < 3:
+        raise ValueError(f"{lost.size} losses, {error.size} errors; expected as many of each, at least three blocks of {block}")
+    rates = lost[: count * block].reshape(count, block).sum(axis=1)
+    sizes = np.sqrt(np.mean(error[: count * block].reshape(count, block) ** 2, axis=1))
+    late = slice(count - max(count // 3, 1), count)
+    beyond = np.flatnonzero((rates > 2 * np.median(rates[late])) | (sizes > 2 * np.median(sizes[late])))
+    first = int(beyond[-1]) + 1 if beyond.size else 0
+    return float(first * block) if first < count else math.nan
+
+
 def moments(count: ArrayLike, total: ArrayLike, squares: ArrayLike) -> tuple[float, float, float]:
     """Return mean, standard deviation and RMS of values given by their number, sum and sum of squares (NaN if none)."""
     n, first, second = (float(np.sum(part)) for part in (count, total, squares))

@@ -10,6 +10,7 @@ where nobody followed) is NaN.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,16 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from workbench.arena.tracks import Track, TrackConfig
-from workbench.fields import configuration, integer, part, real
+from workbench.fields import choice, configuration, integer, part, real
+from workbench.formation.classical import (
+    CarrotPI,
+    Controller,
+    LeaderFrame,
+    LPsi,
+    PathReconstruction,
+    PurePursuit,
+    quantised_carrot,
+)
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
@@ -36,12 +46,22 @@ SECTIONS = 4  # equal parts of the loop, counted from where each robot started
 _HEADING_M = 0.1  # m that a unit of heading counts for when a place on the loop is looked up: tells an eight's branches apart
 
 
+# Who drives the followers. "learner" learns first; "tractrix" is the ideal of rods that pull, without any robot
+CONTROLLERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
+    "learner": None, "tractrix": None, "carrot": lambda _: CarrotPI(), "leader-frame": lambda _: LeaderFrame(),
+    "l-psi": lambda _: LPsi(), "l-psi, point half way": lambda config: LPsi(ahead_m=config.middle_m / 2),
+    "pursuit": lambda _: PurePursuit(), "path": lambda _: PathReconstruction(), "quantised carrot": quantised_carrot,
+}  # fmt: skip
+
+
 @configuration
 class Trial:
     """What one line of a study's table is measured on."""
 
     config: ConvoyConfig = part(ConvoyConfig, "robots, task, learner and seed", default=ConvoyConfig())
-    steps: int = integer(1, 10**9, "", "learning updates, summed over the followers", default=300_000)
+    controller: str = choice(tuple(CONTROLLERS), "who drives the followers", default="learner")
+    steps: int = integer(0, 10**9, "", "learning updates, summed over the followers", default=300_000)
+    horizon: int = integer(0, 10**9, "", "updates over which schedules are stretched, 0 for steps", default=0)
     minutes: float = real(0.1, 1e4, "min", "simulated time of the greedy evaluation", default=30.0)
 
 

@@ -1,0 +1,136 @@
+"""One control period of all formations, compiled: everything but the physics.
+
+The order within a call: leader and all followers sense, and choose from the same instant; then, while their actions run, all
+learn. Who is behind whom is the order of the records: robot i follows robot i - 1, robot 0 leads.
+
+Contract: arrays are written in place and nothing is allocated; chance comes in. Python is needed only where a flag says so.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from workbench.arena.floor import floor_darkness
+from workbench.arena.world import read_pose, write_command
+from workbench.formation.errors import observe
+from workbench.formation.follower import LEARNED, LOSS, act, learn
+from workbench.formation.leader import follow_line
+from workbench.formation.reset import FOLLOW
+from workbench.formation.steering import wrap
+from workbench.learning.behaviour import epsilon_at
+from workbench.robot.geometry import CONTROL_PERIOD, GROUND_SENSOR_X, GROUND_SENSOR_Y
+from workbench.robot.ground import ground_reading
+
+FORMATION = np.dtype(
+    [("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")]
+)
+
+RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
+
+
+@njit(cache=True)
+def control_step(
+    t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formations: Any, robots: Any, weights: Any,
+    trace_ids: Any, trace_values: Any, chance: Any, block: Any,
+) -> int:  # fmt: skip
+    """Do one control period for all formations, all but the physics; return flags, 0 if nothing needs Python."""
+    flags = 0
+    for b in range(formations.size):
+        if formations[b].done:
+            continue
+        flags |= _formation_step(
+            t, task[0], qpos[b], ctrl[b], waiting[b], floor[b], formations[b], robots[b], weights[b],
+            trace_ids[b], trace_values[b], chance[b, t], block[b, t],
+        )  # fmt: skip
+    return flags
+
+
+@njit(cache=True)
+def _formation_step(
+    t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formation: Any, robots: Any, weights: Any,
+    trace_ids: Any, trace_values: Any, chance: Any, steps: Any,
+) -> int:  # fmt: skip
+    for i in range(robots.size):
+        robot = robots[i]
+        robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
+        steps[i].x, steps[i].y, steps[i].heading = robot.x, robot.y, math.atan2(robot.s, robot.c)
+        if task.law:
+            _measure_motion(robot)
+
+    left, right = _lead(task, floor, robots[0], chance)
+    write_command(ctrl, 0, task.wheels, left, right)
+    write_command(waiting, 0, task.wheels, left, right)
+    steps[0].left, steps[0].right, steps[0].phase = left, right, FOLLOW
+
+    epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
+    flags, followers = 0, robots.size - 1
+    for i in range(1, robots.size):
+        robot, step = robots[i], steps[i]
+        distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
+        if task.noisy:
+            distance = abs(distance + task.distance_noise * chance[3 + followers + 2 * (i - 1)])
+            bearing = wrap(bearing + task.bearing_noise * chance[4 + followers + 2 * (i - 1)])
+        if task.law:
+            _know_ahead(robot, robots[i - 1])
+        left, right, finite = act(
+            task, robot, step, weights[robot.table], trace_ids[i - 1], trace_values[i - 1], distance, bearing,
+            epsilon if robot.learns else 0.0, chance[2 + i], formation.updates < formation.budget,
+        )  # fmt: skip
+        if task.delayed:  # what has just been learned took time, in which the wheels hold the last command
+            write_command(waiting, i, task.wheels, left, right)
+        if not (task.delayed and step.event & LEARNED):
+            write_command(ctrl, i, task.wheels, left, right)
+        step.left, step.right = left, right
+        if step.event & LEARNED:
+            formation.updates += 1
+        if not finite:
+            flags |= DIVERGED
+        if task.restart and step.event & LOSS:
+            flags |= RESTART
+            formation.restart = 1
+    for i in range(1, robots.size):
+        robot = robots[i]
+        if not learn(task, robot, weights[robot.table], trace_ids[i - 1], trace_values[i - 1]):
+            flags |= DIVERGED
+    formation.periods += 1
+    if formation.updates >= formation.budget or formation.periods >= formation.last_period:
+        formation.done = 1
+        flags |= FINISHED
+    return flags
+
+
+@njit(cache=True)
+def _measure_motion(robot: Any) -> None:
+    """Note a robot's mean speed (m/s, along its heading) and turning rate (rad/s) over the last control period."""
+    if robot.pc != 0.0 or robot.ps != 0.0:
+        robot.speed = ((robot.x - robot.px) * robot.c + (robot.y - robot.py) * robot.s) / CONTROL_PERIOD
+        turned = math.atan2(robot.s * robot.pc - robot.c * robot.ps, robot.c * robot.pc + robot.s * robot.ps)
+        robot.turn = turned / CONTROL_PERIOD
+    else:
+        robot.speed = robot.turn = 0.0
+    robot.px, robot.py, robot.pc, robot.ps = robot.x, robot.y, robot.c, robot.s
+
+
+@njit(cache=True)
+def _know_ahead(robot: Any, ahead: Any) -> None:
+    """Tell a follower its predecessor's relative heading, speed and turning rate."""
+    robot.ahead_heading = math.atan2(ahead.s * robot.c - ahead.c * robot.s, ahead.c * robot.c + ahead.s * robot.s)
+    robot.ahead_speed, robot.ahead_turn = ahead.speed, ahead.turn
+
+
+@njit(cache=True)
+def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
+    """Read the three ground sensors under the leader and follow the line with them."""
+    left = _read_ground(task, floor, leader, 0, noise[0])
+    centre = _read_ground(task, floor, leader, 1, noise[1])
+    right = _read_ground(task, floor, leader, 2, noise[2])
+    return follow_line(leader, left, centre, right, task.leader_steps)
+
+
+@njit(cache=True)
+def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
+    x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
+    y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]
+    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), k, noise)

@@ -1,0 +1,208 @@
+"""Classical steering laws, compiled: what a follower does when it is driven by a formula and not by a table.
+
+Each law gets distance d and bearing φ of the predecessor and, where it needs more, what ``formation.classical`` declares.
+Unicycle: v = (v_L + v_R) / 2, ω = (v_R - v_L) / b. The law's (v, ω) becomes two wheel speeds within the learner's own range, in
+whole steps/s; where a wheel would leave the range both are shifted, so that the turn is kept as long as possible.
+
+    CARROT        v = k_d e_d + k_i ∫e_d, ω = k_φ φ
+    LEADER_FRAME  input-output linearisation of (d, φ), with β = θ1 - θ2 - φ:
+                  v = (k_d e_d + v1 cos β) / cos φ, ω = k_φ φ + (v sin φ + v1 sin β) / d
+    L_PSI         separation-bearing control of a point ``ahead`` of the axle (Desai et al. 2001, Das et al. 2002)
+    PURSUIT       pure pursuit of the predecessor's breadcrumbs at a look-ahead L: ω = v 2 sin α / L; v as CARROT
+    PATH          path reconstruction (after Klančar, Matko, Blažič 2009): a parabola in time, fitted by least squares to the
+                  breadcrumbs around the point d* behind the predecessor, gives reference, feed-forward and curvature; state
+                  feedback of the longitudinal, lateral and heading error
+
+Breadcrumbs are places of the predecessor in the follower's own odometry (its commanded, quantised wheel speeds), one per control
+period. Until they reach back far enough, PURSUIT and PATH steer as CARROT does.
+
+Contract: a law writes only its memory in the follower's record; every episode begins with an empty memory. Nothing is allocated.
+"""
+
+import math
+from typing import Any
+
+from numba import njit
+
+from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
+from workbench.robot.motors import motor_speed
+
+CARROT, LEADER_FRAME, L_PSI, PURSUIT, PATH = range(1, 6)  # 0: no law, a table decides
+CRUMBS = 256  # breadcrumbs kept: 25.6 s of the predecessor's way
+
+
+@njit(cache=True)
+def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[int, int]:
+    """Return a law's wheel commands in whole steps/s.
+
+    Args:
+        task: TASK record: ``law``, ``gain`` (8,), ``middle`` (d*, m), ``slowest`` and ``fastest`` (steps/s of a wheel).
+        follower: FOLLOWER record; its ``state`` is -1 where an episode begins.
+        distance, bearing: of the predecessor, m and rad.
+    """
+    law, gain = task.law, task.gain
+    if follower.state < 0:
+        follower.integral, follower.crumbs = 0.0, 0
+        follower.ox = follower.oy = follower.oh = 0.0
+    error = distance - task.middle
+    if law == LEADER_FRAME:
+        v, omega = leader_frame(distance, bearing, follower.ahead_heading, follower.ahead_speed, error, gain[0], gain[1])
+    elif law == L_PSI:
+        v, omega = l_psi(
+            distance, bearing, follower.ahead_heading, follower.ahead_speed, follower.ahead_turn,
+            task.middle - gain[2], math.pi, gain[2], gain[0], gain[1],
+        )  # fmt: skip
+    else:
+        if law != CARROT:
+            _drop_crumb(follower, distance, bearing)
+        found = False
+        v, omega = _pace(task, follower, error), gain[2] * bearing
+        if law == PURSUIT:
+            omega = _pursue(follower, distance, bearing, gain[3] * task.middle, v)
+        elif law == PATH:
+            found, v_path, omega_path = _follow_path(follower, task.middle, gain)
+            if found:
+                v, omega = v_path, omega_path
+    return _wheels(task, follower, v, omega)
+
+
+@njit(cache=True)
+def leader_frame(
+    distance: float, bearing: float, heading: float, v1: float, error: float, k_distance: float, k_bearing: float
+) -> tuple[float, float]:
+    """Return (v, ω) that make d and φ decay exponentially; singular at |φ| = 90°. ``heading`` is θ1 - θ2."""
+    beta = heading - bearing
+    v = (k_distance * error + v1 * math.cos(beta)) / max(math.cos(bearing), 0.05)
+    return v, k_bearing * bearing + (v * math.sin(bearing) + v1 * math.sin(beta)) / distance
+
+
+@njit(cache=True)
+def l_psi(
+    distance: float, bearing: float, heading: float, v1: float, omega1: float,
+    l_wanted: float, psi_wanted: float, ahead: float, alpha1: float, alpha2: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return (v, ω) of l-ψ control: l from the leader's axle to a point ``ahead`` of the own one, ψ its angle seen by the leader.
+
+    γ = θ1 + ψ - θ2; ρ = (α1 (l_d - l) + v1 cos ψ) / cos γ; ω = (cos γ / a) (α2 l (ψ_d - ψ) - v1 sin ψ + l ω1 + ρ sin γ);
+    v = ρ - a ω tan γ, with a = ``ahead``.
+    """
+    x, y = ahead - distance * math.cos(bearing), -distance * math.sin(bearing)  # leader to point, in the follower's frame
+    length, gamma = math.sqrt(x * x + y * y), math.atan2(y, x)
+    psi = gamma - heading
+    rho = (alpha1 * (l_wanted - length) + v1 * math.cos(psi)) / math.cos(gamma)
+    turn = alpha2 * length * wrap(psi_wanted - psi) - v1 * math.sin(psi) + length * omega1 + rho * math.sin(gamma)
+    omega = math.cos(gamma) / ahead * turn
+    return rho - ahead * omega * math.tan(gamma), omega
+
+
+@njit(cache=True)
+def pursuit_turn(x: float, y: float, v: float) -> float:
+    """Return ω of the arc through a target at x, y (m) in the robot's frame: v κ with κ = 2 sin α / L = 2 y / L²."""
+    return v * 2.0 * y / (x * x + y * y)
+
+
+@njit(cache=True)
+def wrap(angle: float) -> float:
+    """Return an angle in rad within [-π, π]."""
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+@njit(cache=True)
+def _pace(task: Any, follower: Any, error: float) -> float:
+    """Return the forward speed of a PI control of the distance, whose integral stops where the wheels' range ends."""
+    v: float = task.gain[0] * error + task.gain[1] * follower.integral
+    if (v < task.fastest * STEP or error < 0.0) and (v > task.slowest * STEP or error > 0.0):
+        follower.integral += error * CONTROL_PERIOD
+    return v
+
+
+@njit(cache=True)
+def _drop_crumb(follower: Any, distance: float, bearing: float) -> None:
+    """Move the odometry by the last command and note where the predecessor is in it."""
+    if follower.crumbs > 0:
+        left, right = motor_speed(follower.left) * STEP, motor_speed(follower.right) * STEP
+        v, turn = (left + right) / 2, (right - left) / TRACK * CONTROL_PERIOD
+        middle = follower.oh + turn / 2
+        follower.ox += v * CONTROL_PERIOD * math.cos(middle)
+        follower.oy += v * CONTROL_PERIOD * math.sin(middle)
+        follower.oh += turn
+    crumb = follower.trail[follower.crumbs % CRUMBS]
+    crumb[0] = follower.ox + distance * math.cos(follower.oh + bearing)
+    crumb[1] = follower.oy + distance * math.sin(follower.oh + bearing)
+    follower.crumbs += 1
+
+
+@njit(cache=True)
+def _pursue(follower: Any, distance: float, bearing: float, look_ahead: float, v: float) -> float:
+    """Return ω towards the newest breadcrumb within the look-ahead, or towards the predecessor if there is none yet."""
+    c, s = math.cos(follower.oh), math.sin(follower.oh)
+    for k in range(follower.crumbs - 1, max(0, follower.crumbs - CRUMBS) - 1, -1):
+        dx, dy = follower.trail[k % CRUMBS, 0] - follower.ox, follower.trail[k % CRUMBS, 1] - follower.oy
+        if dx * dx + dy * dy <= look_ahead * look_ahead:
+            return pursuit_turn(c * dx + s * dy, c * dy - s * dx, v)
+    return pursuit_turn(distance * math.cos(bearing), distance * math.sin(bearing), v)
+
+
+@njit(cache=True)
+def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, float]:
+    """Return (found, v, ω) from the reconstructed path; not found while the breadcrumbs do not reach d* back."""
+    trail, newest = follower.trail, follower.crumbs - 1
+    oldest = max(0, follower.crumbs - CRUMBS)
+    x, y = trail[newest % CRUMBS, 0], trail[newest % CRUMBS, 1]
+    place, nearer = newest, 0.0
+    while place >= oldest:
+        gap = math.hypot(trail[place % CRUMBS, 0] - x, trail[place % CRUMBS, 1] - y)
+        if gap >= middle:
+            break
+        nearer = gap
+        place -= 1
+    half = int(gain[6])
+    if place < oldest + 1 or newest - oldest < 2:
+        return False, 0.0, 0.0
+    part = (gap - middle) / (gap - nearer)  # between this breadcrumb and the next one
+    first, last = max(oldest, place - half), min(newest, place + half)
+    rx, vx, ax = _parabola(trail, 0, first, last, place, part)
+    ry, vy, ay = _parabola(trail, 1, first, last, place, part)
+    speed = math.hypot(vx, vy)
+    if speed < 1e-6:
+        return False, 0.0, 0.0
+    c, s = math.cos(follower.oh), math.sin(follower.oh)
+    dx, dy = rx - follower.ox, ry - follower.oy
+    along, across = c * dx + s * dy, c * dy - s * dx
+    heading = wrap(math.atan2(vy, vx) - follower.oh)
+    turn = (vx * ay - vy * ax) / (speed * speed)
+    slope = math.sin(heading) / heading if abs(heading) > 1e-9 else 1.0
+    v = speed * math.cos(heading) + gain[3] * along
+    return True, v, turn + gain[4] * speed * slope * across + gain[5] * heading
+
+
+@njit(cache=True)
+def _parabola(trail: Any, axis: int, first: int, last: int, place: int, part: float) -> tuple[float, float, float]:
+    """Return value, velocity and acceleration (per s) at place + part of a least-squares parabola through breadcrumbs."""
+    n = last - first + 1
+    centre = (n - 1) / 2.0  # times around the middle of the window: odd moments vanish
+    s2 = s4 = b0 = b1 = b2 = 0.0
+    for k in range(n):
+        t, y = k - centre, trail[(first + k) % CRUMBS, axis]
+        s2 += t * t
+        s4 += t * t * t * t
+        b0 += y
+        b1 += t * y
+        b2 += t * t * y
+    curve = (n * b2 - s2 * b0) / (n * s4 - s2 * s2) if n > 2 else 0.0
+    slope = b1 / s2
+    level = (b0 - curve * s2) / n
+    t = place + part - first - centre
+    value = level + slope * t + curve * t * t
+    return value, (slope + 2.0 * curve * t) / CONTROL_PERIOD, 2.0 * curve / CONTROL_PERIOD**2
+
+
+@njit(cache=True)
+def _wheels(task: Any, follower: Any, v: float, omega: float) -> tuple[int, int]:
+    """Return wheel commands for (v, ω) within the range of the learner's levels, the turn kept as long as possible."""
+    left, right = (v - omega * TRACK / 2) / STEP, (v + omega * TRACK / 2) / STEP
+    shift = min(0.0, task.fastest - max(left, right)) + max(0.0, task.slowest - min(left, right))
+    left = min(max(left + shift, task.slowest), task.fastest)
+    right = min(max(right + shift, task.slowest), task.fastest)
+    follower.left, follower.right = int(round(left)), int(round(right))
+    return follower.left, follower.right
