@@ -7,11 +7,12 @@ from numba import njit
 from workbench.formation import follower as module
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
+from workbench.formation.follower import EXPLORED, FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
 from workbench.formation.reset import APPROACH, FOLLOW, TURN
 from workbench.learning.config import LearnerConfig
 from workbench.learning.gq import GQ, GreedyGQ
 from workbench.learning.kernel import new_trace
+from workbench.learning.sarsa import TrueOnlineSarsa
 
 
 @njit
@@ -122,6 +123,80 @@ def test_with_several_tilings_followers_learn_the_bits_of_gq_on_lists_of_feature
     assert learned > 150
     np.testing.assert_array_equal(robot.weights[0], twin.theta)
     np.testing.assert_array_equal(robot.weights[1], twin.w)
+
+
+@pytest.mark.parametrize("tilings", [1, 4])
+@pytest.mark.parametrize("rule", ["watkins-q", "expected-sarsa", "qrc"])
+def test_rival_rules_are_settings_of_the_kernel_bit_by_bit(rule, tilings):
+    epsilon, eta = 0.3, 1.0
+    robot = _Robot(tilings=tilings, rule=rule, eta=eta, epsilon=epsilon, gamma=0.7, lam=0.6)
+    config, learner = robot.config, robot.config.learner
+    correction = {"qrc": {"beta": learner.alpha * eta / tilings, "kappa": 1.0}}.get(rule, {})
+    twin = GQ(config.rows * 49, learner.alpha / tilings, cutoff=1e-8, theta0=learner.theta0 / tilings, **correction)
+    before, choice, learned, greedy_steps = None, None, 0, 0
+    for distance, bearing, u in _walk(600, seed=11):
+        robot.act(distance, bearing, epsilon=epsilon, u=u)
+        step = robot.step[0].copy()
+        robot.learn()
+        now = np.array(_cells(config, distance, bearing)) * 49 if robot.follower["state"][0] >= 0 else None
+        lost = bool(step["event"] & LOSS)
+        if step["event"] & LEARNED:
+            gamma, bar, values = 0.7, np.zeros(0, int), np.zeros(0)
+            if lost:
+                gamma = 0.0
+            else:
+                best = int(np.argmax(sum(twin.theta[start : start + 49] for start in now)))
+                bar, values = now + best, np.ones(tilings)
+                if rule == "expected-sarsa":
+                    bar = (now[:, None] + np.arange(49)).ravel()
+                    chances = np.full(49, epsilon / 49)
+                    chances[best] += 1 - epsilon
+                    values = np.tile(chances, tilings)
+            greedy = choice == before[1]
+            ratio = {"watkins-q": float(greedy), "expected-sarsa": 1.0}.get(rule, greedy / (1 - epsilon + epsilon / 49))
+            phi = (before[0] + choice, np.ones(tilings))
+            twin.learn(phi, float(robot.follower["w_reward"][0]), (bar, values), gamma=gamma, lam=0.6, rho=ratio)
+            greedy_steps += greedy
+            learned += 1
+            if lost:
+                twin.begin_episode()
+        if now is not None:
+            # the choice was made before learning: with the weights of then, which the robot's own flag tells greedy or not
+            choice = int(robot.follower["action"][0])
+            before = (now, choice if not step["event"] & EXPLORED else -1)
+    assert learned > 150 and 0.3 < greedy_steps / learned < 0.95
+    np.testing.assert_array_equal(robot.weights[0], twin.theta)
+    np.testing.assert_array_equal(robot.weights[1], twin.w)
+
+
+def test_followers_and_true_online_sarsa_learn_the_same_bits():
+    robot = _Robot(rule="true-online-sarsa", epsilon=0.3, gamma=0.7, lam=0.6)
+    learner = robot.config.learner
+    twin = TrueOnlineSarsa(81, 49, alpha=learner.alpha, gamma=0.7, lam=0.6, cutoff=1e-8, theta0=learner.theta0)
+    learned = 0
+    for distance, bearing, u in _walk(600, seed=12):
+        robot.act(distance, bearing, epsilon=0.3, u=u)
+        step, waiting = robot.step[0].copy(), robot.follower[0].copy()
+        robot.learn()
+        if step["event"] & LEARNED:
+            over = bool(step["event"] & LOSS)
+            following = (None, None) if over else (int(waiting["state"]), int(waiting["action"]))
+            twin.update(int(step["state"]), int(step["action"]), float(waiting["w_reward"]), *following)
+            learned += 1
+            if over:
+                twin.begin_episode()
+    assert learned > 150
+    np.testing.assert_array_equal(robot.weights[0], twin.theta.ravel())
+
+
+def test_random_actions_are_marked_and_greedy_ones_are_not():
+    robot = _Robot(epsilon=0.5, gamma=0.5)
+    robot.act(0.15, 0.0, epsilon=0.5, u=0.25)  # explores: action 24 of 49
+    assert robot.step["event"][0] & EXPLORED and robot.follower["action"][0] == 24
+    robot.act(0.15, 0.0, epsilon=0.5, u=0.0)  # explores too, but hits the greedy action, the lowest on ties
+    assert not robot.step["event"][0] & EXPLORED
+    robot.act(0.15, 0.0, epsilon=0.5, u=0.9)
+    assert not robot.step["event"][0] & EXPLORED
 
 
 def _spoil(buffer):
