@@ -204,7 +204,9 @@ def test_a_law_runs_exactly_where_its_needs_are_met(name, sensing):
     if not missing:
         assert evaluate(law, config, minutes=0.2, progress=False).summary["simulated_minutes"] == pytest.approx(0.2)
         return
-    with pytest.raises(ValueError, match=f"law '{name}' needs the predecessor's {', '.join(missing)}, which sensing = '{sensing}'"):
+    with pytest.raises(
+        ValueError, match=f"law '{name}' needs the predecessor's {', '.join(missing)}, which sensing = '{sensing}'"
+    ):
         evaluate(law, config, minutes=0.2, progress=False)
     with pytest.raises(ValueError, match="use sensing = 'truth', or a law that needs less: carrot, pursuit, path"):
         Convoy(config, [1], periods=10, law=law)

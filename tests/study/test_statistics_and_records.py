@@ -9,7 +9,17 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import LOSS, STEP
 from workbench.formation.reset import LOST, TURN
 from workbench.study.records import SUMS, Recorder, sampled_blocks, summarise
-from workbench.study.statistics import best_block, best_cell, interval, iqm, moments, paired, share_of_block, time_to_criterion
+from workbench.study.statistics import (
+    best_block,
+    best_cell,
+    interval,
+    iqm,
+    moments,
+    paired,
+    share_of_block,
+    time_to_criterion,
+    time_to_stable,
+)
 
 
 def test_best_cell_and_block_by_hand():
@@ -107,6 +117,47 @@ def test_sampled_blocks_are_the_stated_ones_and_survive_saving_and_loading():
     assert recorder.records()["sums"].shape == (10, 1, len(SUMS))
 
 
+def _row(*places):
+    """One period with robots at these x (m)."""
+    block = np.zeros((1, len(places)), STEP)
+    block["x"] = places
+    return block
+
+
+def test_collisions_are_counted_when_they_begin_also_across_blocks():
+    config = ConvoyConfig(followers=2)
+    recorder = Recorder(config, 10)
+    apart, touch, both = _row(0.3, 0.15, 0.0), _row(0.219, 0.15, 0.0), _row(0.137, 0.068, 0.0)
+    recorder.add(np.concatenate([apart, touch, touch, apart, touch]), 0)  # the first follower touches the leader twice
+    recorder.add(np.concatenate([touch, touch, both, both, apart]), 5)  # still; then the second touches the first as well
+    sums = recorder.records()["sums"][:, :, SUMS.index("collisions")]
+    np.testing.assert_array_equal(sums, [[2, 0], [0, 1]])
+    assert summarise(config, 10, 0, recorder.records())["collisions"] == 3
+    whole = Recorder(config, 10)
+    whole.add(np.concatenate([apart, touch, touch, apart, touch, touch, touch, both, both, apart]), 0)
+    assert whole.records()["sums"][0, :, SUMS.index("collisions")].tolist() == [2, 1]
+
+
+def test_robots_that_start_in_touch_have_collided_once():
+    recorder = Recorder(ConvoyConfig(followers=1), 3)
+    recorder.add(np.concatenate([_row(0.06, 0.0)] * 3), 0)
+    assert recorder.records()["sums"][0, 0, SUMS.index("collisions")] == 1
+
+
+def test_stable_is_from_where_no_block_exceeds_twice_the_final_median():
+    error, lost = np.full(9000, 0.004), np.zeros(9000)
+    assert time_to_stable(lost, error, block=1000) == 0.0
+    error[2500:2600] = 0.1  # block 2: RMS over 0.03
+    assert time_to_stable(lost, error, block=1000) == 3000.0
+    lost[4321] = 1  # one loss where the final median is none
+    assert time_to_stable(lost, error, block=1000) == 5000.0
+    lost[6001::1000] = lost[6002::1000] = 1  # two per block at the end: a single one before is below twice that
+    assert time_to_stable(lost, error, block=1000) == 3000.0
+    lost[8100:8105] = 1  # the last block is worse than all before: never stable
+    assert math.isnan(time_to_stable(lost, error, block=1000))
+    assert time_to_stable(lost[:8999], error[:8999], block=1000) == 3000.0  # what does not fill a block does not count
+
+
 def test_the_interquartile_mean_drops_a_quarter_at_both_ends():
     assert iqm([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -50.0]) == pytest.approx((2 + 3 + 4 + 5) / 4)
     point, low, high = interval([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -50.0], statistic="iqm")
@@ -140,6 +191,8 @@ def test_times_to_a_criterion_count_runs_that_never_reached_it():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: time_to_stable(np.zeros(5), np.zeros(6), block=1), "5 losses, 6 errors; expected as many of each"),
+        (lambda: time_to_stable(np.zeros(9), np.zeros(9)), "at least three blocks of 5000"),
         (lambda: interval([1.0, np.nan]), "1 of 2 values are not finite"),
         (lambda: interval([1.0, 2.0], statistic="mode"), "statistic = 'mode'; expected one of 'mean', 'median', 'iqm'"),
         (lambda: paired([1.0, 2.0], [1.0]), "2 values and 1 references are no pairs"),

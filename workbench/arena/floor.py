@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from workbench.arena.tracks import Track
+from workbench.compiled import compiled
 from workbench.robot.ground import SPOT
 
 CELL = 0.002  # m
@@ -61,7 +61,7 @@ def _draw(track: Track, line_width_m: float, low: NDArray[np.int64], shape: tupl
     return np.round(255 * dark).astype(np.uint8)
 
 
-@njit(cache=True)
+@compiled
 def floor_darkness(raster: Any, column0: int, row0: int, x: float, y: float) -> float:
     """Return the darkness in [0, 1] of one floor (rows, columns) at x, y (m): bilinear, white outside."""
     column, row = math.floor(x / CELL), math.floor(y / CELL)

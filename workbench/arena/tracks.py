@@ -24,11 +24,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from workbench.fields import choice, configuration, real, reals
 
 Floats = NDArray[np.float64]
 SPACING = 0.001  # m between points of the stored line
+_HEADING_M = 0.1  # m that a unit of direction counts for when a place on the loop is looked up: tells an eight's branches apart
 RAMP = 0.020  # m, over which a re-planned path joins its new offset
 
 
@@ -87,6 +89,26 @@ class Track:
         behind = [float(np.interp((s - step) % self.length_m, at, points[:, k])) for k in (0, 1)]
         return x, y, math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
 
+    def nearest(self, position: ArrayLike, heading: ArrayLike) -> NDArray[np.int64]:
+        """Return the index of the nearest point of the nominal loop that runs the same way.
+
+        Args:
+            position: (…, 2) m.
+            heading: (…) rad.
+        """
+        angle = np.asarray(heading, dtype=np.float64)
+        ahead = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        tree = cKDTree(np.hstack([self.nominal, _HEADING_M * _tangent(self.nominal)]))
+        found = tree.query(np.concatenate([np.asarray(position, dtype=np.float64), _HEADING_M * ahead], axis=-1))[1]
+        return np.asarray(found, dtype=np.int64)
+
+    def lateral(self, position: ArrayLike, heading: ArrayLike) -> tuple[Floats, Floats]:
+        """Return arc length along the nominal loop and lateral deviation from it, left positive, in m; arguments as ``nearest``."""
+        near = self.nearest(position, heading)
+        tangent, gap = _tangent(self.nominal)[near], np.asarray(position, dtype=np.float64) - self.nominal[near]
+        along: Floats = self.s[near] + np.sum(tangent * gap, axis=-1)
+        return along, tangent[..., 0] * gap[..., 1] - tangent[..., 1] * gap[..., 0]
+
     def deviation(self, points: ArrayLike, *, nominal: bool = False) -> Floats:
         """Return the lateral distance in m of points (T, 2) from the line (or the nominal loop), left positive.
 
@@ -95,8 +117,7 @@ class Track:
         """
         reference = self.nominal if nominal else self.line
         path = np.asarray(points, dtype=np.float64)
-        tangent = np.roll(reference, -1, axis=0) - np.roll(reference, 1, axis=0)
-        tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
+        tangent = _tangent(reference)
         away = np.sum((reference - path[0]) ** 2, axis=1)
         motion = path[min(3, len(path) - 1)] - path[0]
         if np.hypot(*motion) > 0:  # where two branches cross, start on the one that runs along the path
@@ -130,13 +151,18 @@ def make_track(config: TrackConfig, rng: np.random.Generator, *, convoy_length_m
         nominal = nominal * np.array([1.0, -1.0])
     s: Floats = np.arange(len(nominal), dtype=np.float64) * (length / len(nominal))
     offset = _judder(config, s, length, rng)
-    tangent = np.roll(nominal, -1, axis=0) - np.roll(nominal, 1, axis=0)
-    tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
+    tangent = _tangent(nominal)
     left = np.column_stack([-tangent[:, 1], tangent[:, 0]])
     line = nominal + offset[:, None] * left
     for array in (s, nominal, line, offset):
         array.flags.writeable = False
     return Track(s, nominal, line, offset, length, radius, clockwise)
+
+
+def _tangent(points: Floats) -> Floats:
+    """Return the unit tangent (P, 2) at every point of a closed line (P, 2)."""
+    tangent: Floats = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    return tangent / np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
 
 
 def _loop(shape: str, radius: float) -> tuple[float, Floats]:

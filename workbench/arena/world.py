@@ -19,17 +19,17 @@ from typing import Any
 
 import numpy as np
 from mujoco import batch as mujoco_batch
-from numba import njit
 from numpy.typing import NDArray
 
 from workbench.arena.floor import draw_floors
 from workbench.arena.model import ACTUATORS, QPOS, TIMESTEP, build_model
 from workbench.arena.tracks import Track
+from workbench.compiled import compiled
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, WHEEL_RADIUS
 from workbench.robot.motors import RADIANS_PER_STEP, motor_speed
 
 
-@njit(cache=True)
+@compiled
 def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float, float]:
     """Return x, y in m and the cosine and sine of the heading of a robot, from its formation's qpos row."""
     if wheels:
@@ -43,7 +43,7 @@ def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float,
     return qpos[k], qpos[k + 1], math.cos(qpos[k + 2]), math.sin(qpos[k + 2])
 
 
-@njit(cache=True)
+@compiled
 def write_command(ctrl: Any, robot: int, wheels: bool, left: int, right: int) -> None:
     """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the firmware's quantisation."""
     if wheels:

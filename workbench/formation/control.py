@@ -10,10 +10,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
+from workbench.compiled import compiled
 from workbench.formation.errors import observe
 from workbench.formation.follower import LEARNED, LOSS, act, learn
 from workbench.formation.leader import follow_line
@@ -30,7 +30,7 @@ FORMATION = np.dtype(
 RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
 
 
-@njit(cache=True)
+@compiled
 def control_step(
     t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formations: Any, robots: Any, weights: Any,
     trace_ids: Any, trace_values: Any, chance: Any, block: Any,
@@ -47,7 +47,7 @@ def control_step(
     return flags
 
 
-@njit(cache=True)
+@compiled
 def _formation_step(
     t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formation: Any, robots: Any, weights: Any,
     trace_ids: Any, trace_values: Any, chance: Any, steps: Any,
@@ -101,7 +101,7 @@ def _formation_step(
     return flags
 
 
-@njit(cache=True)
+@compiled
 def _measure_motion(robot: Any) -> None:
     """Note a robot's mean speed (m/s, along its heading) and turning rate (rad/s) over the last control period."""
     if robot.pc != 0.0 or robot.ps != 0.0:
@@ -113,14 +113,14 @@ def _measure_motion(robot: Any) -> None:
     robot.px, robot.py, robot.pc, robot.ps = robot.x, robot.y, robot.c, robot.s
 
 
-@njit(cache=True)
+@compiled
 def _know_ahead(robot: Any, ahead: Any) -> None:
     """Tell a follower its predecessor's relative heading, speed and turning rate."""
     robot.ahead_heading = math.atan2(ahead.s * robot.c - ahead.c * robot.s, ahead.c * robot.c + ahead.s * robot.s)
     robot.ahead_speed, robot.ahead_turn = ahead.speed, ahead.turn
 
 
-@njit(cache=True)
+@compiled
 def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
     """Read the three ground sensors under the leader and follow the line with them."""
     left = _read_ground(task, floor, leader, 0, noise[0])
@@ -129,7 +129,7 @@ def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
     return follow_line(leader, left, centre, right, task.leader_steps)
 
 
-@njit(cache=True)
+@compiled
 def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
     x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
     y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]

@@ -12,10 +12,10 @@ Both together place the follower behind its predecessor. Beyond [d_min, d_max) o
 
 import math
 
-from numba import njit
+from workbench.compiled import compiled
 
 
-@njit(cache=True)
+@compiled
 def observe(x: float, y: float, c: float, s: float, ahead_x: float, ahead_y: float) -> tuple[float, float]:
     """Return distance in m and bearing in rad of the point ahead, seen from x, y with heading cosine c and sine s."""
     dx, dy = ahead_x - x, ahead_y - y

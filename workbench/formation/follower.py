@@ -16,8 +16,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from workbench.compiled import compiled
 from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
@@ -87,7 +87,7 @@ _ONES = np.ones(MAX_TILINGS)
 _WATKINS, _EXPECTED, _SARSA = (RULES.index(name) for name in ("watkins-q", "expected-sarsa", "true-online-sarsa"))
 
 
-@njit(cache=True)
+@compiled
 def begin_episode(follower: Any, trace_ids: Any) -> None:
     """Forget the last action and clear the trace."""
     follower.trace = clear_trace(trace_ids[0], trace_ids[1], follower.trace)
@@ -95,7 +95,7 @@ def begin_episode(follower: Any, trace_ids: Any) -> None:
     follower.state = -1
 
 
-@njit(cache=True)
+@compiled
 def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: Any) -> bool:
     """Learn the cached transition, if there is one; return whether the numbers stayed finite.
 
@@ -133,7 +133,7 @@ def learn(task: Any, follower: Any, weights: Any, trace_ids: Any, trace_values: 
     return finite
 
 
-@njit(cache=True)
+@compiled
 def _expect(task: Any, follower: Any, theta: Any, bar: Any, bar_value: Any) -> int:
     """Write φ̄_{t+1} under the rule's target policy as lists of features and values; return their length."""
     cells, m, actions = follower.w_next_cells, int(task.tilings), int(task.actions)
@@ -154,7 +154,7 @@ def _expect(task: Any, follower: Any, theta: Any, bar: Any, bar_value: Any) -> i
     return m * actions
 
 
-@njit(cache=True)
+@compiled
 def _sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
     """Find the cell of every tiling, as the place of its first weight; return the state, -1 outside the bounds."""
     state = -1
@@ -170,7 +170,7 @@ def _sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
     return state
 
 
-@njit(cache=True)
+@compiled
 def _finish(task: Any, follower: Any, step: Any, reward: float, next_state: int, room: bool) -> None:
     """Cache the transition that ends now and record it as a visit of its state, unless the run's budget is used up."""
     if follower.learns and not room:
@@ -187,7 +187,7 @@ def _finish(task: Any, follower: Any, step: Any, reward: float, next_state: int,
         step.event |= LEARNED
 
 
-@njit(cache=True)
+@compiled
 def act(
     task: Any, follower: Any, step: Any, weights: Any, trace_ids: Any, trace_values: Any,
     distance: float, bearing: float, epsilon: float, u: float, room: bool,

@@ -8,8 +8,7 @@ Contract: ``follow_line`` reads and writes the leader's record (its ``memory``: 
 
 from typing import Any
 
-from numba import njit
-
+from workbench.compiled import compiled
 from workbench.robot.ground import darkness
 
 GAIN = 170.0  # steps/s of each wheel per unit of darkness difference; our choice
@@ -17,7 +16,7 @@ LOST_TURN = 250.0  # steps/s of each wheel while no sensor sees the line
 VISIBLE = 0.1  # darkness above which a sensor sees the line
 
 
-@njit(cache=True)
+@compiled
 def follow_line(leader: Any, left: float, centre: float, right: float, speed: float) -> tuple[int, int]:
     """Return wheel commands in whole steps/s for three ground readings in counts and a forward speed in steps/s."""
     dark_left, dark_centre, dark_right = darkness(left, 0), darkness(centre, 1), darkness(right, 2)

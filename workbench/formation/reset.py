@@ -18,8 +18,7 @@ Contract: ``manoeuvre`` reads and writes one follower's record; counts are in co
 import math
 from typing import Any
 
-from numba import njit
-
+from workbench.compiled import compiled
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 from workbench.robot.motors import MAX_STEPS
 
@@ -33,14 +32,14 @@ SEARCH_PERIODS = math.ceil(2 * math.pi / (2 * SEARCH_SPEED * STEP / TRACK) / CON
 _DEADBEAT = TRACK / 2 / CONTROL_PERIOD / STEP  # steps/s per rad: turns by a bearing in one control period
 
 
-@njit(cache=True)
+@compiled
 def begin_reset(follower: Any, distance: float, near: float) -> None:
     """Enter the manoeuvre at a terminal."""
     follower.phase = BACK_OFF if distance < near else TURN
     follower.timer = 0
 
 
-@njit(cache=True)
+@compiled
 def manoeuvre(
     follower: Any, distance: float, bearing: float, middle: float, half_range: float, limit: float, sight: float
 ) -> tuple[int, int]:

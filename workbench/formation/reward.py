@@ -17,13 +17,13 @@ and so is the terminal reward: ending forgoes everything that would follow.
 -0.5
 """
 
-from numba import njit
+from workbench.compiled import compiled
 
 PRESETS = ("quadratic", "absolute", "distance", "alive")
 _WORST = {"quadratic": -2.0, "absolute": -2.0, "distance": -1.0, "alive": 0.0}
 
 
-@njit(cache=True)
+@compiled
 def step_reward(preset: int, u: float, v: float) -> float:
     """Return the reward of a step that ends inside the bounds, for a preset given by its place in PRESETS."""
     if preset == 0:

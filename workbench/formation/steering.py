@@ -22,8 +22,7 @@ Contract: a law writes only its memory in the follower's record; every episode b
 import math
 from typing import Any
 
-from numba import njit
-
+from workbench.compiled import compiled
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 from workbench.robot.motors import motor_speed
 
@@ -31,7 +30,7 @@ CARROT, LEADER_FRAME, L_PSI, PURSUIT, PATH = range(1, 6)  # 0: no law, a table d
 CRUMBS = 256  # breadcrumbs kept: 25.6 s of the predecessor's way
 
 
-@njit(cache=True)
+@compiled
 def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[int, int]:
     """Return a law's wheel commands in whole steps/s.
 
@@ -66,7 +65,7 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
     return _wheels(task, follower, v, omega)
 
 
-@njit(cache=True)
+@compiled
 def leader_frame(
     distance: float, bearing: float, heading: float, v1: float, error: float, k_distance: float, k_bearing: float
 ) -> tuple[float, float]:
@@ -76,7 +75,7 @@ def leader_frame(
     return v, k_bearing * bearing + (v * math.sin(bearing) + v1 * math.sin(beta)) / distance
 
 
-@njit(cache=True)
+@compiled
 def l_psi(
     distance: float, bearing: float, heading: float, v1: float, omega1: float,
     l_wanted: float, psi_wanted: float, ahead: float, alpha1: float, alpha2: float,
@@ -95,19 +94,19 @@ def l_psi(
     return rho - ahead * omega * math.tan(gamma), omega
 
 
-@njit(cache=True)
+@compiled
 def pursuit_turn(x: float, y: float, v: float) -> float:
     """Return ω of the arc through a target at x, y (m) in the robot's frame: v κ with κ = 2 sin α / L = 2 y / L²."""
     return v * 2.0 * y / (x * x + y * y)
 
 
-@njit(cache=True)
+@compiled
 def wrap(angle: float) -> float:
     """Return an angle in rad within [-π, π]."""
     return math.atan2(math.sin(angle), math.cos(angle))
 
 
-@njit(cache=True)
+@compiled
 def _pace(task: Any, follower: Any, error: float) -> float:
     """Return the forward speed of a PI control of the distance, whose integral stops where the wheels' range ends."""
     v: float = task.gain[0] * error + task.gain[1] * follower.integral
@@ -116,7 +115,7 @@ def _pace(task: Any, follower: Any, error: float) -> float:
     return v
 
 
-@njit(cache=True)
+@compiled
 def _drop_crumb(follower: Any, distance: float, bearing: float) -> None:
     """Move the odometry by the last command and note where the predecessor is in it."""
     if follower.crumbs > 0:
@@ -132,7 +131,7 @@ def _drop_crumb(follower: Any, distance: float, bearing: float) -> None:
     follower.crumbs += 1
 
 
-@njit(cache=True)
+@compiled
 def _pursue(follower: Any, distance: float, bearing: float, look_ahead: float, v: float) -> float:
     """Return ω towards the newest breadcrumb within the look-ahead, or towards the predecessor if there is none yet."""
     c, s = math.cos(follower.oh), math.sin(follower.oh)
@@ -143,7 +142,7 @@ def _pursue(follower: Any, distance: float, bearing: float, look_ahead: float, v
     return pursuit_turn(distance * math.cos(bearing), distance * math.sin(bearing), v)
 
 
-@njit(cache=True)
+@compiled
 def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, float]:
     """Return (found, v, ω) from the reconstructed path; not found while the breadcrumbs do not reach d* back."""
     trail, newest = follower.trail, follower.crumbs - 1
@@ -176,7 +175,7 @@ def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, 
     return True, v, turn + gain[4] * speed * slope * across + gain[5] * heading
 
 
-@njit(cache=True)
+@compiled
 def _parabola(trail: Any, axis: int, first: int, last: int, place: int, part: float) -> tuple[float, float, float]:
     """Return value, velocity and acceleration (per s) at place + part of a least-squares parabola through breadcrumbs."""
     n = last - first + 1
@@ -197,7 +196,7 @@ def _parabola(trail: Any, axis: int, first: int, last: int, place: int, part: fl
     return value, (slope + 2.0 * curve * t) / CONTROL_PERIOD, 2.0 * curve / CONTROL_PERIOD**2
 
 
-@njit(cache=True)
+@compiled
 def _wheels(task: Any, follower: Any, v: float, omega: float) -> tuple[int, int]:
     """Return wheel commands for (v, ω) within the range of the learner's levels, the turn kept as long as possible."""
     left, right = (v - omega * TRACK / 2) / STEP, (v + omega * TRACK / 2) / STEP

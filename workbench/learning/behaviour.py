@@ -18,12 +18,13 @@ Contract: chance comes in as one uniform number u in [0, 1): below ε it explore
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from workbench.compiled import compiled
 
 SCHEDULES = ("linear", "exponential", "constant")
 
 
-@njit(cache=True)
+@compiled
 def greedy_action(values: Any, start: int, actions: int) -> int:
     """Return the action with the largest of values[start : start + actions], the lowest index on ties."""
     best = 0
@@ -33,7 +34,7 @@ def greedy_action(values: Any, start: int, actions: int) -> int:
     return best
 
 
-@njit(cache=True)
+@compiled
 def greedy_of_sum(values: Any, starts: Any, count: int, actions: int) -> int:
     """Return the action with the largest sum of values[starts[k] + action] over the first ``count`` starts, one per tiling."""
     if count == 1:
@@ -48,13 +49,13 @@ def greedy_of_sum(values: Any, starts: Any, count: int, actions: int) -> int:
     return best
 
 
-@njit(cache=True)
+@compiled
 def choose_action(values: Any, start: int, actions: int, epsilon: float, u: float) -> tuple[int, float]:
     """Return an ε-greedy action and its importance ratio ρ, both fixed by the values of this moment."""
     return explore(greedy_action(values, start, actions), actions, epsilon, u)
 
 
-@njit(cache=True)
+@compiled
 def explore(best: int, actions: int, epsilon: float, u: float) -> tuple[int, float]:
     """Return an ε-greedy action and its importance ratio ρ where ``best`` is the greedy one."""
     action = best
@@ -65,7 +66,7 @@ def explore(best: int, actions: int, epsilon: float, u: float) -> tuple[int, flo
     return action, 1.0 / (1.0 - epsilon + epsilon / actions)
 
 
-@njit(cache=True)
+@compiled
 def epsilon_at(schedule: int, start: float, final: float, horizon: float, update: float) -> float:
     """Return ε after a number of updates, reaching ``final`` at ``horizon`` and staying there.
 

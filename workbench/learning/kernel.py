@@ -25,8 +25,9 @@ Contract: all arrays are written in place and nothing is allocated. The caller k
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from workbench.compiled import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -38,7 +39,7 @@ def new_trace(features: int) -> Trace:
     return np.zeros(features, np.int32), np.zeros(features), np.full(features, -1, np.int32)
 
 
-@njit(cache=True)
+@compiled
 def clear_trace(index: Any, slot: Any, n: int) -> int:
     """Empty a trace of n entries and return its new length, 0."""
     for k in range(n):
@@ -46,7 +47,7 @@ def clear_trace(index: Any, slot: Any, n: int) -> int:
     return 0
 
 
-@njit(cache=True)
+@compiled
 def decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutoff: float) -> int:
     """Multiply a trace of n entries by a factor, drop what becomes too small, and return its new length."""
     if factor == 0.0:
@@ -66,7 +67,7 @@ def decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutoff
     return n
 
 
-@njit(cache=True)
+@compiled
 def add_to_trace(index: Any, value: Any, slot: Any, n: int, phi: Any, phi_value: Any, factor: float) -> int:
     """Add factor times a feature vector to a trace of n entries and return its new length."""
     for k in range(phi.size):
@@ -81,7 +82,7 @@ def add_to_trace(index: Any, value: Any, slot: Any, n: int, phi: Any, phi_value:
     return n
 
 
-@njit(cache=True)
+@compiled
 def gq_update(
     theta: Any,
     w: Any,

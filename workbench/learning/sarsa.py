@@ -21,15 +21,15 @@ Contract: as in ``workbench.learning.kernel``: arrays are written in place, the 
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from workbench.compiled import compiled
 from workbench.learning.behaviour import choose_action
 from workbench.learning.gq import check_table, not_finite
 from workbench.learning.kernel import add_to_trace, clear_trace, decay_trace, new_trace
 
 
-@njit(cache=True)
+@compiled
 def sarsa_update(
     theta: Any,
     index: Any,

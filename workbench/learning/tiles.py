@@ -21,11 +21,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.compiled import compiled
 
-@njit(cache=True)
+
+@compiled
 def tile_index(edges: NDArray[np.float64], n: int, x: float) -> int:
     """Return k with edges[k] <= x < edges[k+1] among the first n cells, or -1 (also for NaN)."""
     if not (x >= edges[0] and x < edges[n]):

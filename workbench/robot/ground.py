@@ -8,7 +8,7 @@ and black is taken as linear in the dark share of the sensor's spot: our assumpt
 338.0
 """
 
-from numba import njit
+from workbench.compiled import compiled
 
 WHITE = (948.0, 948.0, 948.0)  # counts, left, centre, right
 BLACK = (338.0, 287.0, 367.0)  # counts
@@ -16,7 +16,7 @@ NOISE = 1.5  # counts, standard deviation per reading
 SPOT = 0.003  # m, radius of the floor spot that a sensor sees: our assumption
 
 
-@njit(cache=True)
+@compiled
 def ground_reading(dark: float, sensor: int, noise: float) -> float:
     """Return a reading in whole counts for a dark share of the spot in [0, 1].
 
@@ -30,7 +30,7 @@ def ground_reading(dark: float, sensor: int, noise: float) -> float:
     return whole
 
 
-@njit(cache=True)
+@compiled
 def darkness(counts: float, sensor: int) -> float:
     """Return the calibrated darkness of a reading: 0 on white, 1 on black, clipped to [0, 1]."""
     share: float = (WHITE[sensor] - counts) / (WHITE[sensor] - BLACK[sensor])

@@ -12,8 +12,7 @@ grid is coarse: 625, 667, 714, 769, 833, 909, 1000.
 
 import math
 
-from numba import njit
-
+from workbench.compiled import compiled
 from workbench.robot.geometry import STEP, STEPS_PER_TURN, TRACK
 
 MAX_STEPS = 1000  # steps/s, the firmware's clamp
@@ -22,7 +21,7 @@ TICKS = 10_000  # timer ticks per second
 RADIANS_PER_STEP = 2 * math.pi / STEPS_PER_TURN
 
 
-@njit(cache=True)
+@compiled
 def motor_speed(command: int) -> float:
     """Return the steps/s at which a wheel really turns for a commanded whole number of steps/s."""
     speed = min(abs(command), MAX_STEPS)

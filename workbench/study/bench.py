@@ -14,9 +14,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from workbench.compiled import compiled
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.learning.behaviour import greedy_action
@@ -170,7 +170,7 @@ def _updates(count: int = 200_000, turns: int = 9) -> dict[str, float]:
     }  # fmt: skip
 
 
-@njit(cache=True)
+@compiled
 def _replay(theta: Any, w: Any, index: Any, value: Any, slot: Any, states: Any, actions: Any, rho: Any) -> None:
     """Learn a given walk with reward -1, as the followers do, in one compiled loop."""
     phi, bar, one = np.empty(1, np.int64), np.empty(1, np.int64), np.ones(1)

@@ -25,13 +25,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 from scipy.interpolate import PchipInterpolator
-from scipy.spatial import cKDTree
 
 from workbench.arena.tracks import Track
+from workbench.compiled import compiled
 from workbench.study.motion import Motion, Source, as_motion
 
 Floats = NDArray[np.float64]
@@ -39,7 +38,6 @@ BAND_M = (0.1, 0.3)  # wavelengths of the injected judder
 FIDELITY_M = 0.6  # wavelengths above this are the way, not judder
 GRID_M = 0.005  # m between samples of e(s)
 SETTLE_M = 1.0  # m at the start that do not count
-_HEADING_M = 0.1  # m that a unit of direction counts for when a place on the loop is looked up: tells an eight's branches apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +68,7 @@ def deviations(motion: Motion, track: Track) -> Deviations:
     Raises:
         ValueError: they did not drive a whole loop together.
     """
-    tangent = np.roll(track.nominal, -1, axis=0) - np.roll(track.nominal, 1, axis=0)
-    tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
-    tree = cKDTree(np.hstack([track.nominal, _HEADING_M * tangent]))
-    heading = np.stack([np.cos(motion.heading), np.sin(motion.heading)], axis=-1)
-    near = tree.query(np.concatenate([motion.position, _HEADING_M * heading], axis=-1))[1]  # (T, robots)
-    gap = motion.position - track.nominal[near]
-    along = track.s[near] + np.sum(tangent[near] * gap, axis=-1)
-    lateral = tangent[near, 0] * gap[..., 1] - tangent[near, 1] * gap[..., 0]
+    along, lateral = track.lateral(motion.position, motion.heading)  # (T, robots) each
     along = np.unwrap(along, axis=0, period=track.length_m)
     along -= track.length_m * np.round((along[0] - along[0, 0]) / track.length_m)  # all in the leader's lap
     start, end = float(along[0].max()) + SETTLE_M, float(along.max(axis=0).min())
@@ -227,7 +218,7 @@ def tractrix_line(leader: ArrayLike, distance_m: float, followers: int, *, start
     return line
 
 
-@njit(cache=True)
+@compiled
 def _pull(ahead: Any, path: Any, first: Any, distance: float) -> None:
     """Fill the path (T, 2) of a rod's rear end; each step is cut into 8, so that the rod's turn within it is followed."""
     x, y = first[0], first[1]

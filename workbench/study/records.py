@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from workbench.compiled import compiled
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, STEP, TIMED_OUT
 from workbench.formation.reset import FOLLOW, LOST
@@ -101,7 +101,7 @@ class Recorder:
         self._sample_starts, self._last_start = starts[:-1], starts[-1]
 
 
-@njit(cache=True)
+@compiled
 def _reduce(block: Any, sums: Any, visits: Any) -> None:
     """Add up a block's followers: sums (followers, len(SUMS)) and visits (followers, states), in the order of SUMS."""
     for t in range(block.shape[0]):
@@ -124,7 +124,7 @@ def _reduce(block: Any, sums: Any, visits: Any) -> None:
             row[12] += step.phase == LOST
 
 
-@njit(cache=True)
+@compiled
 def count_collisions(block: Any, before: Any, counts: Any) -> None:
     """Add to counts (followers,) how often each began to touch a robot in front of it in line.
 
@@ -142,7 +142,7 @@ def count_collisions(block: Any, before: Any, counts: Any) -> None:
                         counts[i - 1] += 1
 
 
-@njit(cache=True)
+@compiled
 def _touching(a: Any, b: Any) -> bool:
     dx, dy = float(a.x) - float(b.x), float(a.y) - float(b.y)
     return dx * dx + dy * dy < TOUCH * TOUCH

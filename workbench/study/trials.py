@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from workbench.arena.tracks import Track, TrackConfig
 from workbench.fields import choice, configuration, integer, part, real
@@ -43,7 +42,6 @@ OTHER_TRACKS = {  # beside the circle that is learned on
     "stadium": TrackConfig(shape="stadium"), "replan": TrackConfig(judder="replan"),
 }  # fmt: skip
 SECTIONS = 4  # equal parts of the loop, counted from where each robot started
-_HEADING_M = 0.1  # m that a unit of heading counts for when a place on the loop is looked up: tells an eight's branches apart
 
 
 # Who drives the followers. "learner" learns first; "tractrix" is the ideal of rods that pull, without any robot
@@ -161,13 +159,8 @@ def _sections(
     track: Track, block: NDArray[np.void], started: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the section of every follower at every period, (periods, followers), and where each started, (followers,) m."""
-    tangent = np.roll(track.nominal, -1, axis=0) - np.roll(track.nominal, 1, axis=0)
-    tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
-    tree = cKDTree(np.hstack([track.nominal, _HEADING_M * tangent]))
     at = block[:, 1:]
-    heading = at["heading"].astype(float)
-    query = np.stack([at["x"], at["y"], _HEADING_M * np.cos(heading), _HEADING_M * np.sin(heading)], axis=-1)
-    along = track.s[tree.query(query)[1]]
+    along = track.s[track.nearest(np.stack([at["x"], at["y"]], axis=-1), at["heading"])]
     origin = along[0] if started is None else started
     progress = ((along - origin) / track.length_m + 1e-9) % 1.0
     return np.minimum((progress * SECTIONS).astype(np.int64), SECTIONS - 1), origin

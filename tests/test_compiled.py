@@ -1,0 +1,46 @@
+"""The cache of compiled code never outlives the sources that it was made of."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numba
+
+from workbench import paths
+from workbench.compiled import FOLDER, compiled
+
+SCRIPT = """
+from workbench.formation.leader import follow_line
+import numpy as np
+leader = np.zeros(1, [("memory", "f8")])
+from numba import njit
+call = njit(lambda leader: follow_line(leader[0], 700.0, 300.0, 948.0, 466.0))
+print(*call(leader), follow_line.stats.cache_hits if hasattr(follow_line, "stats") else 0)
+"""
+
+
+def _run(folder):
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    done = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout.split()[:2]
+
+
+def test_an_edit_of_a_called_module_takes_effect_at_the_next_start(tmp_path):
+    # the leader's rule is compiled in one module and calls the ground sensor's darkness in another
+    shutil.copytree(paths.ROOT / "workbench", tmp_path / "workbench", ignore=shutil.ignore_patterns("__pycache__"))
+    first, again = _run(tmp_path), _run(tmp_path)
+    source = tmp_path / "workbench" / "robot" / "ground.py"
+    text = source.read_text()
+    assert text.count("WHITE = (948.0, 948.0, 948.0)") == 1
+    source.write_text(text.replace("WHITE = (948.0, 948.0, 948.0)", "WHITE = (800.0, 948.0, 948.0)"))
+    edited = _run(tmp_path)
+    assert first == again != edited
+    folders = list((tmp_path / "workbench" / "__pycache__").glob("numba-*"))
+    assert len(folders) == 2 and all(any(folder.rglob("*.nbi")) for folder in folders)
+
+
+def test_other_users_of_numba_are_left_alone():
+    before = numba.config.CACHE_DIR
+    compiled(lambda: None)
+    assert numba.config.CACHE_DIR == before and FOLDER.name.startswith("numba-")

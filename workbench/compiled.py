@@ -1,0 +1,51 @@
+"""Compiled functions: numba's ``njit``, with a cache on disk that no edit leaves stale.
+
+numba keeps compiled code beside a function's own file and looks at that file only. But the code of the control loop contains the
+reward, the learner and everything else that it calls: after an edit of ``reward.py`` the old reward would go on to be used. Here
+the cache's folder is named after all sources of the package together, so that any edit compiles anew (about 20 s, once).
+
+>>> from workbench.robot.motors import motor_speed
+>>> motor_speed(550) == motor_speed.py_func(550)  # the function as it was written is still there
+True
+
+Contract: functions are compiled at their first call for the types that they get; other users of numba are not affected.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba import njit
+from numba.core.dispatcher import Dispatcher
+
+F = TypeVar("F", bound=Callable[..., object])
+_PACKAGE = Path(__file__).parent
+_KEPT = 5  # folders of earlier sources
+
+
+def _folder() -> Path:
+    digest = hashlib.sha256()
+    for file in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(file.relative_to(_PACKAGE).as_posix().encode() + file.read_bytes())
+    return _PACKAGE / "__pycache__" / f"numba-{digest.hexdigest()[:16]}"
+
+
+FOLDER = _folder()
+for _old in sorted(_PACKAGE.glob("__pycache__/numba-*"), key=lambda path: path.stat().st_mtime, reverse=True)[_KEPT:]:
+    shutil.rmtree(_old, ignore_errors=True)
+
+
+def compiled(function: F) -> Dispatcher[F]:
+    """Return the function compiled by numba without Python objects, cached on disk where the package's folder can be written."""
+    settings: Any = numba.config  # its names are made at run time
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = before or str(FOLDER)  # a folder of the user's own choice is respected
+    try:
+        return njit(cache=True)(function)
+    finally:
+        settings.CACHE_DIR = before
