@@ -15,7 +15,8 @@ from typing import Any
 
 from workbench import fields
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import SETTINGS, ConvoyConfig
+from workbench.formation.classical import LAWS, Controller
+from workbench.formation.config import SENSING, SETTINGS, ConvoyConfig
 from workbench.learning.config import LearnerConfig
 from workbench.study.storage import plain
 
@@ -39,14 +40,14 @@ def _parser() -> argparse.ArgumentParser:
     learn.add_argument("--setting", help=f"start from a named setting: {', '.join(SETTINGS)}")
     learn.add_argument("--followers", type=int, help="robots behind the leader")
     learn.add_argument("--drive", help="wheels or planar")
-    learn.add_argument("--sensing", help="truth")
+    learn.add_argument("--sensing", help=" or ".join(SENSING))
     learn.add_argument("--seed", type=int, help="seed of everything random")
     learn.add_argument("--out", required=True, help="folder of the run; must be new or empty, unless --resume")
     learn.add_argument("--resume", action="store_true", help="continue the interrupted run in --out, or show a complete one")
     learn.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="any field, value as JSON")
 
-    evaluate = verbs.add_parser("evaluate", help="follow a run's policy greedily, without learning", **shape)
-    evaluate.add_argument("run", help="folder of a complete run")
+    evaluate = verbs.add_parser("evaluate", help="follow a run's policy greedily, without learning; or a classical law", **shape)
+    evaluate.add_argument("run", help=f"folder of a complete run, or a classical law: {', '.join(LAWS)}")
     evaluate.add_argument("--minutes", type=float, default=30.0, help="simulated minutes (default 30)")
     evaluate.add_argument("--drive", help="wheels or planar (default: the run's)")
     evaluate.add_argument("--seed", type=int, help="evaluation seed (default: the run's)")
@@ -132,11 +133,18 @@ def _learn(flags: argparse.Namespace) -> dict[str, Any]:
 def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
     from workbench.study import runs
 
-    run = runs.load_run(flags.run)
+    policy: Controller
+    if Path(flags.run).exists():
+        run = runs.load_run(flags.run)
+        policy, config = run.policy, run.config
+    elif flags.run in LAWS:
+        policy, config = LAWS[flags.run](), ConvoyConfig()
+    else:
+        raise FileNotFoundError(f"{flags.run} holds no run, and is no classical law ({', '.join(LAWS)})")
     asked = {"drive": flags.drive, "seed": flags.seed}
     given = {name: value for name, value in asked.items() if value is not None}
-    config = _configure(fields.to_dict(run.config), given, flags.set)
-    return dict(runs.evaluate(run.policy, config, minutes=flags.minutes, out=flags.out, resume=flags.resume).summary)
+    config = _configure(fields.to_dict(config), given, flags.set)
+    return dict(runs.evaluate(policy, config, minutes=flags.minutes, out=flags.out, resume=flags.resume).summary)
 
 
 def _study(flags: argparse.Namespace) -> dict[str, Any]:

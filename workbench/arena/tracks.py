@@ -103,7 +103,7 @@ class Track:
         return np.asarray(found, dtype=np.int64)
 
     def lateral(self, position: ArrayLike, heading: ArrayLike) -> tuple[Floats, Floats]:
-        """Return arc length along the nominal loop and lateral deviation from it, left positive, in m; arguments as ``nearest``."""
+        """Return arc length along the nominal loop and deviation from it, left positive, in m; arguments as ``nearest``."""
         near = self.nearest(position, heading)
         tangent, gap = _tangent(self.nominal)[near], np.asarray(position, dtype=np.float64) - self.nominal[near]
         along: Floats = self.s[near] + np.sum(tangent * gap, axis=-1)
