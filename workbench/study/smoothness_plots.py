@@ -4,6 +4,7 @@ Like all plots they take data, draw on ``ax`` and return it; the numbers come fr
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -51,7 +52,7 @@ def transfer_curves(
     for number, (name, found) in enumerate(cases.items()):
         wavelength = 1 / found.frequency
         inside = (wavelength >= wavelengths_m[0] - 1e-9) & (wavelength <= wavelengths_m[1] + 1e-9)
-        style = {"color": CYCLE[number], "marker": MARKERS[number], "markersize": 4, "linewidth": 1.0}
+        style: dict[str, Any] = {"color": CYCLE[number], "marker": MARKERS[number], "markersize": 4, "linewidth": 1.0}
         gain.plot(wavelength[inside], found.gain[inside], label=name, **style)
         coherence.plot(wavelength[inside], found.coherence[inside], label=name, **style)
     at = np.linspace(*wavelengths_m, 100)
