@@ -118,6 +118,13 @@ def test_the_public_surface_is_small_and_sorted_out():
     assert all(getattr(wb, name).__doc__ for name in names)
 
 
+def test_the_readme_s_comparison_with_a_classical_law_runs(capsys):
+    text = (wb.paths.ROOT / "README.md").read_text(encoding="utf-8")
+    example = text.split("```python\n")[2].split("```")[0]
+    exec(compile(example.replace("minutes=20", "minutes=2"), "README example", "exec"), {})  # noqa: S102
+    assert "excess" in (shown := capsys.readouterr().out) and "turn_rms_deg_s" in shown
+
+
 def test_the_readme_s_example_runs():
     text = (wb.paths.ROOT / "README.md").read_text(encoding="utf-8")
     example = text.split("```python\n")[1].split("```")[0]

@@ -75,7 +75,7 @@ def load_study(name: str) -> pd.DataFrame:
     path = FOLDER / f"{name}.csv"
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist; run: python -m workbench study {name}")
-    return pd.read_csv(path)
+    return pd.read_csv(path).copy()  # in one piece: columns can be added without a warning
 
 
 def trials_digest(trials: Sequence[Trial]) -> str:

@@ -23,12 +23,14 @@ def curves(
     ylabel: str,
     ax: Axes | None = None,
     even: bool = False,
+    log: bool = False,
 ) -> Axes:
     """Draw value against a numeric level, one line per case of ``by``, with intervals.
 
     Args:
         summary: lines with columns x, by, "value", "low", "high", "seeds".
         even: whether levels stand at even distances, whatever they are.
+        log: whether the value axis is logarithmic; otherwise it begins at zero.
     """
     ax = ax or new_axes(5.4, 3.6)
     cases, levels = list(summary[by].unique()), sorted(summary[x].unique())
@@ -42,7 +44,10 @@ def curves(
             part[x].map(at) + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number],
             markersize=5, linestyle=("-", "--", ":", "-.")[number % 4], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
         )  # fmt: skip
-    ax.set_ylim(bottom=min(0.0, 1.05 * float(summary["low"].min())))
+    if log:
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(bottom=min(0.0, 1.05 * float(summary["low"].min())))
     if even:
         ax.set_xticks(range(len(levels)), [f"{level:,}".replace(",", " ") for level in levels])
     ax.set_xlabel(xlabel)
