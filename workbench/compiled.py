@@ -13,8 +13,11 @@ Contract: functions are compiled at their first call for the types that they get
 
 from __future__ import annotations
 
+import contextlib
+import getpass
 import hashlib
 import shutil
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -28,23 +31,44 @@ _PACKAGE = Path(__file__).parent
 _KEPT = 5  # folders of earlier sources
 
 
-def _folder() -> Path:
+def _name() -> str:
     digest = hashlib.sha256()
     for file in sorted(_PACKAGE.rglob("*.py")):
         digest.update(file.relative_to(_PACKAGE).as_posix().encode() + file.read_bytes())
-    return _PACKAGE / "__pycache__" / f"numba-{digest.hexdigest()[:16]}"
+    return f"numba-{digest.hexdigest()[:16]}"
 
 
+def _folder() -> Path:
+    """Return the cache's folder: in the package, or where that cannot be written in the system's folder for temporary files."""
+    for parent in (_PACKAGE / "__pycache__", Path(tempfile.gettempdir()) / f"workbench-{getpass.getuser()}"):
+        try:
+            (parent / NAME).mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        return parent / NAME
+    return Path(tempfile.mkdtemp(prefix=NAME))
+
+
+def _remove_old(parent: Path) -> None:
+    """Remove folders of earlier sources, which other processes may be removing as well."""
+    ages = []
+    for path in parent.glob("numba-*"):
+        with contextlib.suppress(OSError):
+            ages.append((path.stat().st_mtime, path))
+    for _, path in sorted(ages, reverse=True)[_KEPT:]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+NAME = _name()
 FOLDER = _folder()
-for _old in sorted(_PACKAGE.glob("__pycache__/numba-*"), key=lambda path: path.stat().st_mtime, reverse=True)[_KEPT:]:
-    shutil.rmtree(_old, ignore_errors=True)
+_remove_old(FOLDER.parent)
 
 
 def compiled(function: F) -> Dispatcher[F]:
-    """Return the function compiled by numba without Python objects, cached on disk where the package's folder can be written."""
+    """Return the function compiled by numba without Python objects, cached on disk."""
     settings: Any = numba.config  # its names are made at run time
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = before or str(FOLDER)  # a folder of the user's own choice is respected
+    settings.CACHE_DIR = str(Path(before) / NAME if before else FOLDER)  # a folder of the user's own choice is respected
     try:
         return njit(cache=True)(function)
     finally:

@@ -125,6 +125,11 @@ def test_commands_stay_in_the_learner_s_range_and_keep_the_turn_as_long_as_they_
     assert (left, right) == (low, high)
 
 
+def test_the_range_is_the_learner_s_even_where_it_has_one_level():
+    whole, single = _Driven(CarrotPI()), _Driven(CarrotPI(), action_levels=(1, 7))
+    assert whole.act(0.19, 0.02) == single.act(0.19, 0.02)
+
+
 def test_the_integral_waits_where_the_range_ends():
     robot = _Driven(CarrotPI())
     for _ in range(50):

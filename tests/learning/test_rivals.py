@@ -179,6 +179,8 @@ def test_true_online_sarsa_learns_the_random_walk():
         (lambda: TrueOnlineSarsa(0, 2, alpha=0.1, gamma=0.9, lam=0.5), "states = 0"),
         (lambda: TrueOnlineSarsa(2, 2, alpha=0.0, gamma=0.9, lam=0.5), "alpha = 0.0; expected a finite number above 0"),
         (lambda: TrueOnlineSarsa(2, 2, alpha=0.1, gamma=1.9, lam=0.5), "gamma = 1.9"),
+        (lambda: TrueOnlineSarsa(2, 2, alpha=0.1, gamma=0.9, lam=0.5, cutoff=float("nan")), "cutoff = nan"),
+        (lambda: TrueOnlineSarsa(2, 2, alpha=0.1, gamma=0.9, lam=0.5, theta0=float("inf")), "theta0 = inf"),
         (lambda: _sarsa().update(2, 0, 0.0, 0, 0), "state 2, action 0; expected states from 0 to 1"),
         (lambda: _sarsa().update(0, 0, float("nan"), 0, 0), "reward = nan"),
         (lambda: _sarsa().update(0, 0, 0.0, 1, None), "s_next = 1, a_next = None; give both"),

@@ -137,6 +137,43 @@ def test_the_branches_of_a_figure_eight_are_told_apart():
     assert found.loops == 2 and np.abs(found.lateral).max() < 1e-4  # a jump to the other branch would be centimetres
 
 
+def test_a_robot_that_turns_where_the_eight_crosses_itself_loses_no_lap():
+    track = make_track(TrackConfig(shape="eight", judder="none"), np.random.default_rng(0))
+    path = np.concatenate([track.nominal] * 4)[::6]
+    motion = Motion.of_path(path, 10.0, track)
+    centre = np.flatnonzero(np.hypot(*path.T) < 0.01)[2]
+    heading = motion.heading.copy()
+    heading[centre : centre + 8, 0] += np.linspace(0, np.pi / 2, 8)  # looks along the other branch for a moment
+    turned = deviations(replace(motion, heading=heading), track)
+    quiet = deviations(motion, track)
+    assert turned.loops == quiet.loops == 3
+    assert np.abs(turned.lateral - quiet.lateral).max() < 0.01
+
+
+def test_convoys_longer_than_half_a_loop_keep_their_order():
+    config = ConvoyConfig(followers=14, drive="planar", seed=1)
+    table = judder(follow(CarrotPI(), config, minutes=6))
+    assert 0.5 * config.followers * 0.15 < make_track(config.track, np.random.default_rng(0), convoy_length_m=2.1).length_m
+    assert (table["gain"][1:] < 5).all() and (table["coherence"][1:3] > 0.9).all()
+
+
+def test_coherence_of_few_loops_is_not_told_and_unrelated_motion_shows_its_bias():
+    few = judder(_on_the_circle([_wave(16, 2.0), _wave(17, 2.0)], loops=3.0))
+    assert few["loops"][1] == 3 and np.isnan(few["coherence"][1]) and np.isnan(few["transmitted"][1])
+    rng = np.random.default_rng(3)
+    for loops in (4, 22):
+        found = transfer(*rng.normal(size=(2, loops * 628)), 628, 0.005)
+        assert found.coherence.mean() == pytest.approx(1 / loops, rel=0.15)
+
+
+def test_on_a_stadium_geometry_itself_is_in_the_band():
+    # the limit that the module's manual states: X says nothing there, as ideal rods already have 1.1 and 1.6
+    track = make_track(TrackConfig(shape="stadium"), np.random.default_rng(3))
+    path = np.concatenate([track.line] * 8)[::6]
+    table = judder(Motion.of_path(tractrix_line(path, 0.15, 2), 10.0, track))
+    np.testing.assert_allclose(table["excess"][1:], [1.06, 1.64], atol=0.05)
+
+
 def test_driving_back_over_the_same_place_counts_once():
     offsets = [_wave(16, 2.0)]
     smooth = _on_the_circle(offsets)
@@ -178,6 +215,14 @@ def _as_table(samples):
     [
         (lambda: judder(Motion.of_path(np.ones((5, 2)), 10.0)), "does not know its track; give track="),
         (lambda: judder(_on_the_circle([_wave(4, 1.0)], loops=0.7)), r"expected at least one loop of 3\.14 m: drive longer"),
+        (
+            lambda: judder(_on_the_circle([_wave(4, 1.0)]), band_m=(0.3, 0.1)),
+            r"band_m = \(0.3, 0.1\); expected \(shortest, longest\)",
+        ),
+        (lambda: judder(_on_the_circle([_wave(4, 1.0)]), band_m=(0.0, 0.1)), "the shortest at least 0.01"),
+        (lambda: judder(_on_the_circle([_wave(4, 1.0)], fs=1.5)), "samples are 0.040 m apart; expected a quarter"),
+        (lambda: tractrix_line(np.full((5, 2), np.nan), 0.1, 1), "leader has numbers that are not finite"),
+        (lambda: tractrix_line(np.eye(2), 0.1, 2, start=[[0, 0]]), r"start has shape \(1, 2\); expected \(2, 2\)"),
         (lambda: transfer(np.zeros(5), np.zeros(6), 5, 0.005), r"expected two of \(loops \* 5,\)"),
         (lambda: tractrix_line(np.zeros((5, 3)), 0.1, 1), r"leader has shape \(5, 3\)"),
         (lambda: tractrix_line(np.zeros((5, 2)), 0.0, 1), "distance_m = 0.0; expected"),

@@ -111,11 +111,36 @@ def test_a_shorter_run_with_the_horizon_of_a_longer_one_is_how_that_one_begins()
     assert other[: len(short)].tobytes() != short.tobytes()
 
 
+def test_what_is_no_motion_or_no_controller_is_refused_with_a_hint():
+    with pytest.raises(TypeError, match=r"source is a ndarray; expected .* arrays: Motion.of_path\(xy, fs\)"):
+        chatter(np.zeros((50, 2)))
+    for wrong in ("carrot", CarrotPI):
+        for call in (follow, evaluate):
+            with pytest.raises(TypeError, match=r"LAWS\['carrot'\]\(\)"):
+                call(wrong, PLANAR, minutes=1)
+
+
+def test_a_restart_is_no_way_and_no_chatter():
+    steps = _straight(np.full(601, 466))
+    quiet = chatter(Motion.of_steps(steps)).iloc[1]
+    steps["x"][300:] -= 1.5  # put back to the start
+    restarted = chatter(Motion.of_steps(steps)).iloc[1]
+    assert restarted["distance_m"] == pytest.approx(quiet["distance_m"] - 0.006, abs=1e-4)
+    assert restarted["ldlj_vector"] == pytest.approx(quiet["ldlj_vector"], abs=1.0)
+    assert restarted["turn_rms_deg_s"] == quiet["turn_rms_deg_s"] == 0.0
+
+
+def test_what_cannot_be_told_is_not_told():
+    t = np.arange(150) / 10
+    path = 0.5 * np.stack([np.cos(0.12 * t), np.sin(0.12 * t)], axis=1)
+    assert np.isnan(chatter(Motion.of_path(path, 10.0))["ldlj_vector"][0])  # 15 s: windows of 20 s are compared
+    assert np.isnan(chatter(Motion.of_path(path, 2.0))["turn_rms_deg_s"][0])  # nothing above 1 Hz is sampled
+
+
 def _recording():
     t = np.arange(30) / 10
-    parts = [
-        pd.DataFrame({"time_s": t, "robot": name, "x_m": 0.006 * t * 10 + x, "y_m": 0.0}) for name, x in (("a", 0.15), ("b", 0))
-    ]
+    robots = {0: 0.15, 1: 0.0}
+    parts = [pd.DataFrame({"time_s": t, "robot": name, "x_m": 0.06 * t + x, "y_m": 0.0}) for name, x in robots.items()]
     return pd.concat(parts, ignore_index=True)
 
 
@@ -124,7 +149,7 @@ def test_a_recording_is_a_motion_whatever_the_order_of_its_lines():
     motion = as_motion(table)
     assert motion.position.shape == (30, 2, 2) and motion.fs == pytest.approx(10.0) and motion.command is None
     np.testing.assert_allclose(motion.heading, 0.0, atol=1e-9)
-    shuffled = as_motion(pd.concat([table[table["robot"] == "a"], table[table["robot"] == "b"].sample(frac=1, random_state=0)]))
+    shuffled = as_motion(table.sample(frac=1, random_state=0))
     np.testing.assert_array_equal(shuffled.position, motion.position)
     assert "switches_per_m" not in chatter(motion)
     known = as_motion(table.assign(left_steps=466, right_steps=466, heading_rad=0.1))
@@ -137,6 +162,11 @@ def test_a_recording_is_a_motion_whatever_the_order_of_its_lines():
         (lambda: Motion.of_path(np.ones((5, 3)), 10.0), r"position has shape \(5, 3\); expected \(T, 2\)"),
         (lambda: Motion.of_path(np.full((5, 2), np.nan), 10.0), "not finite"),
         (lambda: as_motion(_recording().drop(columns="y_m")), "the recording lacks y_m; it has time_s, robot, x_m"),
+        (lambda: as_motion(_recording().replace({"robot": {1: 2}})), "robots are 0, 2; expected 0 for the leader"),
+        (lambda: as_motion(_recording().assign(robot="a")), "robots are a; expected 0 for the leader"),
+        (lambda: as_motion(_recording().assign(left_steps=1.0, right_steps=np.nan)), "no number in row 0, column right_steps"),
+        (lambda: follow(CarrotPI(), PLANAR, minutes=0), "minutes = 0; expected simulated minutes above 0"),
+        (lambda: follow(CarrotPI(), PLANAR, minutes=float("nan")), "minutes = nan"),
         (lambda: as_motion(_recording().iloc[:-1]), "59 lines for 30 times and 2 robots; expected one of each"),
         (lambda: as_motion(_recording()[lambda t: t["time_s"] != 1.0]), "a gap after 0.9 s; resample"),
         (lambda: as_motion(_recording()[lambda t: t["time_s"] < 0.15]), "2 times; expected at least 3"),

@@ -192,6 +192,8 @@ def test_times_to_a_criterion_count_runs_that_never_reached_it():
     ("call", "message"),
     [
         (lambda: time_to_stable(np.zeros(5), np.zeros(6), block=1), "5 losses, 6 errors; expected as many of each"),
+        (lambda: time_to_stable(np.zeros(9), np.full(9, np.nan), block=1), "losses or errors are not finite"),
+        (lambda: time_to_stable(np.zeros(9), np.zeros(9), block=0), "block = 0; expected at least one update"),
         (lambda: time_to_stable(np.zeros(9), np.zeros(9)), "at least three blocks of 5000"),
         (lambda: interval([1.0, np.nan]), "1 of 2 values are not finite"),
         (lambda: interval([1.0, 2.0], statistic="mode"), "statistic = 'mode'; expected one of 'mean', 'median', 'iqm'"),

@@ -9,8 +9,9 @@ def test_the_ruling_follows_from_the_parts_of_a_claim():
     assert ruling(True, True) == "supported"
     assert ruling(True, False) == "supported under conditions"
     assert ruling(False) == ruling(False, False) == "not supported"
-    with pytest.raises(ValueError, match="at least one part"):
-        ruling()
+    for untested in ((), (float("nan"),), ("not tested",), (True, None)):
+        with pytest.raises(ValueError, match="True or False for at least one part"):
+            ruling(*untested)
 
 
 @pytest.mark.parametrize("word", RULINGS)

@@ -2,8 +2,9 @@
 
 A law runs inside the one follower (``formation.follower``): the same senses, noise, control period, wheel range, firmware
 quantisation, terminals and reset manoeuvre as a learner. What differs is declared: ``needs`` names the information it is
-given, and a sensing mode that lacks it is refused. Its commands are whole steps/s, not the learner's few levels:
-``quantised_carrot`` is a classical law within the learner's own tiles and actions, and tells what these allow.
+given, and a sensing mode that lacks it is refused. Noise is on distance and bearing, for learners and laws alike; what a law is
+told beyond that (heading, speed, turning rate: over the last control period) is exact. Its commands are whole steps/s, not the
+learner's few levels: ``quantised_carrot`` is a classical law within the learner's own tiles and actions.
 
 >>> from workbench.formation.config import ConvoyConfig
 >>> CarrotPI(k_bearing=3.0).gains()
@@ -160,6 +161,16 @@ class PathReconstruction(ControlLaw):
 
 LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (CarrotPI, LeaderFrame, LPsi, PurePursuit, PathReconstruction)}
 Controller = Policy | ControlLaw
+
+
+def check_controller(policy: object) -> None:
+    """Raise TypeError unless something can drive followers, with a hint for the likely mistakes."""
+    if isinstance(policy, (Policy, ControlLaw)):
+        return
+    named = policy if isinstance(policy, str) else getattr(policy, "name", "carrot")
+    raise TypeError(
+        f"policy = {policy!r}; expected the policy of a run (run.policy), or a law with its gains, such as LAWS[{named!r}]()"
+    )
 
 
 def controller_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Controller:

@@ -14,7 +14,8 @@ whole steps/s; where a wheel would leave the range both are shifted, so that the
                   feedback of the longitudinal, lateral and heading error
 
 Breadcrumbs are places of the predecessor in the follower's own odometry (its commanded, quantised wheel speeds), one per control
-period. Until they reach back far enough, PURSUIT and PATH steer as CARROT does.
+period, the last 25.6 s of them. While they do not reach back far enough (a young episode, a very slow predecessor), PURSUIT
+steers at the predecessor and PATH as CARROT does.
 
 Contract: a law writes only its memory in the follower's record; every episode begins with an empty memory. Nothing is allocated.
 """

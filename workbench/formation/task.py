@@ -11,6 +11,7 @@ from workbench.formation.reward import PRESETS, terminal_reward
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.config import RULES
 from workbench.robot.geometry import STEP as STEP_LENGTH
+from workbench.robot.motors import steps_from_speed
 
 
 def fill_task(config: ConvoyConfig, steps: int, world: World, law: ControlLaw | None = None) -> NDArray[np.void]:
@@ -43,7 +44,7 @@ def fill_task(config: ConvoyConfig, steps: int, world: World, law: ControlLaw | 
         "delayed": config.delay_steps > 0,
         "distance_noise": config.noise_distance_m, "bearing_noise": config.noise_bearing_rad,
         "noisy": config.noise_distance_m > 0 or config.noise_bearing_rad > 0,
-        "slowest": max(left[0], right[0]), "fastest": min(left[-1], right[-1]),
+        "slowest": steps_from_speed(config.wheel_speed_mps[0]), "fastest": steps_from_speed(config.wheel_speed_mps[1]),
     }  # fmt: skip
     for name, value in plain.items():
         task[name] = value

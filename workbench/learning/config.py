@@ -41,6 +41,8 @@ class LearnerConfig:
                 "which is what the buffer does: expected buffer = True"
             )
         exploring = self.epsilon if self.epsilon_schedule == "constant" else max(self.epsilon, self.epsilon_final)
+        if self.rule not in ("greedy-gq", "qrc"):
+            exploring = 0.0  # for the trace: their ρ is at most 1
         if self.gamma * self.lam >= 1.0 - exploring and self.gamma * self.lam > 0:
             raise ValueError(
                 f"LearnerConfig: gamma * lam = {self.gamma * self.lam:g} with epsilon = {exploring:g} lets the trace grow "

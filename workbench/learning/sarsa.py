@@ -96,8 +96,11 @@ class TrueOnlineSarsa:
         self, states: int, actions: int, *, alpha: float, gamma: float, lam: float, cutoff: float = 0.0, theta0: float = 0.0
     ) -> None:
         check_table(states, actions, gamma, lam)
-        if not np.isfinite(alpha) or alpha <= 0:
-            raise ValueError(f"alpha = {alpha!r}; expected a finite number above 0")
+        for name, number, least in (("alpha", alpha, 0.0), ("cutoff", cutoff, 0.0), ("theta0", theta0, -np.inf)):
+            if not np.isfinite(number) or number < least or (name == "alpha" and number == 0):
+                raise ValueError(
+                    f"{name} = {number!r}; expected a finite number {'above' if name == 'alpha' else 'from'} {least:g}"
+                )
         self.states, self.actions = states, actions
         self.alpha, self.gamma, self.lam, self.cutoff = float(alpha), float(gamma), float(lam), float(cutoff)
         self._theta = np.full(states * actions, float(theta0))

@@ -7,12 +7,19 @@
    down the line is J_i / J_0 (string stability: below 1).
 4. The null model is the tractrix: a follower that only keeps its distance d and points at its predecessor is a low pass by
    geometry, |H(Λ)| = 1/√(1 + (2πd/Λ)²). Excess X_i = G_i over the tractrix's gain for the measured d and the predecessor's
-   spectrum: X < 1 means smoother than geometry, X ≈ 1 geometry alone, X > 1 that the follower adds judder of its own.
+   spectrum: X < 1 means smoother than geometry, X ≈ 1 geometry alone, X > 1 that the follower passes on more than geometry
+   would, or adds judder of its own.
 5. Fidelity, as "smooth" must not mean "not following": RMS of e_i at wavelengths above 0.6 m, and the mean offset, on a circle
    within [0, R - √(R² - d²)] of the predecessor's, towards the inside.
 
 Where γ² < 0.8, part of the output is the robot's own, and G is an upper bound of what is transmitted; ``transmitted``, the RMS
-of |H1| over the input, is the part that is coherent with the predecessor.
+of |H1| over the input, is the part that is coherent with the predecessor. Coherence is estimated from repetitions of the loop:
+what a robot repeats at the same place every time counts as coherent, and K loops of unrelated motion have γ² = 1/K. Below 4 loops
+it is not told at all.
+
+The null model holds on loops whose curvature changes slowly. On a circle and an eight ideal rods have X = 1.00 for the first
+robot and 0.92 to 0.98 further down (inner loops are shorter); on a stadium the steps of curvature between straights and bends
+are themselves in the band: rods have X = 1.1, 1.6, 3.9 there, and X says nothing.
 
 >>> round(float(tractrix_gain(0.1, 0.2)), 3)
 0.303
@@ -38,6 +45,8 @@ BAND_M = (0.1, 0.3)  # wavelengths of the injected judder
 FIDELITY_M = 0.6  # wavelengths above this are the way, not judder
 GRID_M = 0.005  # m between samples of e(s)
 SETTLE_M = 1.0  # m at the start that do not count
+REACH_M = 0.2  # m that a robot's place may change between samples, and per second while it is not known
+LOOPS = 4  # of which coherence is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +78,11 @@ def deviations(motion: Motion, track: Track) -> Deviations:
         ValueError: they did not drive a whole loop together.
     """
     along, lateral = track.lateral(motion.position, motion.heading)  # (T, robots) each
-    along = np.unwrap(along, axis=0, period=track.length_m)
-    along -= track.length_m * np.round((along[0] - along[0, 0]) / track.length_m)  # all in the leader's lap
-    start, end = float(along[0].max()) + SETTLE_M, float(along.max(axis=0).min())
+    for robot in range(along.shape[1]):  # neighbours are less than half a loop apart: count laps from robot to robot
+        if robot:
+            along[0, robot] -= track.length_m * np.round((along[0, robot] - along[0, robot - 1]) / track.length_m)
+        _count_laps(along[:, robot], track.length_m, REACH_M, REACH_M / motion.fs)
+    start, end = float(along[0].max()) + SETTLE_M, float(np.nanmax(along, axis=0).min())
     loops = int((end - start) // track.length_m)
     if loops < 1:
         raise ValueError(
@@ -87,10 +98,28 @@ def deviations(motion: Motion, track: Track) -> Deviations:
 
 def _first_passage(along: Floats, lateral: Floats, grid: Floats) -> Floats:
     """Return the lateral deviation on the grid, from samples at which the robot was farther along than ever before."""
+    along, lateral = along[~np.isnan(along)], lateral[~np.isnan(along)]
     before = np.concatenate([[-np.inf], np.maximum.accumulate(along)[:-1]])
     new = along > before + 1e-9
     values: Floats = PchipInterpolator(along[new], lateral[new])(grid)
     return values
+
+
+@compiled
+def _count_laps(along: Any, length: float, reach: float, growth: float) -> None:
+    """Make arc lengths (T,) count on over laps, in place; NaN where a place is out of reach of the last one.
+
+    A robot that turns on the spot where an eight crosses itself seems to be on the other branch, half a loop away. Its place is
+    not told there, until it is back within ``reach`` (m), which grows by ``growth`` per sample.
+    """
+    last, away = along[0], 0
+    for t in range(1, along.size):
+        place = along[t] + length * np.round((last - along[t]) / length)
+        away += 1
+        if abs(place - last) <= reach + growth * away:
+            along[t], last, away = place, place, 0
+        else:
+            along[t] = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +179,18 @@ def judder(source: Source, track: Track | None = None, *, band_m: tuple[float, f
         band_m: shortest and longest wavelength of the judder.
 
     Raises:
-        ValueError: no track, or less than a whole loop.
+        ValueError: no track, less than a whole loop, a band that is none, or samples too sparse for it.
     """
     motion = as_motion(source)
+    if not 2 * GRID_M <= band_m[0] < band_m[1] < np.inf:
+        raise ValueError(
+            f"band_m = {band_m!r}; expected (shortest, longest) wavelength in m, the shortest at least {2 * GRID_M:g}"
+        )
+    apart = np.nanmedian(np.linalg.norm(np.diff(motion.position, axis=0), axis=-1))
+    if apart > band_m[0] / 4:
+        raise ValueError(
+            f"samples are {apart:.3f} m apart; expected a quarter of the shortest wavelength, {band_m[0]:g} m, or less"
+        )
     loop = track or motion.track
     if loop is None:
         raise ValueError("the motion does not know its track; give track=, the nominal loop, for example make_track(config, rng)")
@@ -170,6 +208,8 @@ def judder(source: Source, track: Track | None = None, *, band_m: tuple[float, f
         }  # fmt: skip
         if robot:
             line |= _compare(motion, pair, inside, robot, lines[-1]["judder_mm"], line["judder_mm"])
+            if found.loops < LOOPS:
+                line["coherence"] = line["transmitted"] = np.nan
             line["product"] = line["judder_mm"] / lines[0]["judder_mm"] if lines[0]["judder_mm"] else np.nan
         lines.append(line)
     return pd.DataFrame(lines)
@@ -206,6 +246,8 @@ def tractrix_line(leader: ArrayLike, distance_m: float, followers: int, *, start
     path = np.asarray(leader, dtype=np.float64)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not distance_m > 0:
         raise ValueError(f"leader has shape {path.shape}, distance_m = {distance_m!r}; expected (T, 2) and a distance above 0")
+    if not np.all(np.isfinite(path)):
+        raise ValueError("leader has numbers that are not finite; cut gaps out")
     line = np.empty((len(path), followers + 1, 2))
     line[:, 0] = path
     moved = path[np.flatnonzero(np.any(path != path[0], axis=1))[:1]] - path[0]
@@ -213,6 +255,8 @@ def tractrix_line(leader: ArrayLike, distance_m: float, followers: int, *, start
     first = (
         np.asarray(start, np.float64) if start is not None else path[0] + distance_m * np.arange(1, followers + 1)[:, None] * back
     )
+    if first.shape != (followers, 2):
+        raise ValueError(f"start has shape {first.shape}; expected ({followers}, 2), a place for each follower")
     for robot in range(1, followers + 1):
         _pull(line[:, robot - 1], line[:, robot], first[robot - 1], distance_m)
     return line
@@ -227,6 +271,6 @@ def _pull(ahead: Any, path: Any, first: Any, distance: float) -> None:
             k = max(t - 1, 0)
             ax = ahead[k, 0] + (ahead[t, 0] - ahead[k, 0]) * part / 8
             ay = ahead[k, 1] + (ahead[t, 1] - ahead[k, 1]) * part / 8
-            gap = np.hypot(ax - x, ay - y)
+            gap = max(np.hypot(ax - x, ay - y), 1e-12)
             x, y = ax - (ax - x) / gap * distance, ay - (ay - y) / gap * distance
         path[t, 0], path[t, 1] = x, y

@@ -7,8 +7,8 @@
 (3.59, True)
 
 ``follow`` drives a formation with a policy or a classical law and returns its whole motion; ``as_motion`` takes a Motion, a Run
-(its last whole block of 250 s) or a recording: a table with the columns time_s, robot, x_m, y_m and, if there, heading_rad,
-left_steps, right_steps.
+(its last whole block of 250 s) or a recording: a table with the columns time_s, robot (0 the leader, 1 behind it, …), x_m, y_m
+and, if there, heading_rad, left_steps, right_steps.
 
 Contract: a Motion is immutable; samples are evenly spaced; what is not known (commands of a bare path) is None.
 """
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
 from workbench.arena.tracks import Track
-from workbench.formation.classical import ControlLaw, Controller
+from workbench.formation.classical import ControlLaw, Controller, check_controller
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy, track_of
 from workbench.formation.follower import EXPLORED
@@ -35,6 +35,7 @@ from workbench.study.smoothness import ldlj_vector
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 WINDOW_S = 20.0  # of the windows in which jerk and turning are compared
+JUMP_MPS = 0.4  # three times what a robot can do: it was put somewhere else (a restart)
 TURNING_HZ = 1.0  # turning faster than this is chatter: the judder's shortest wavelength comes at 0.6 Hz
 COLUMNS = ("time_s", "robot", "x_m", "y_m")
 
@@ -100,7 +101,16 @@ class Motion:
         missing = [name for name in COLUMNS if name not in table]
         if missing:
             raise ValueError(f"the recording lacks {', '.join(missing)}; it has {', '.join(map(str, table))}")
-        times, robots = np.sort(table["time_s"].unique()), list(dict.fromkeys(table["robot"]))
+        robots = np.arange(table["robot"].nunique())
+        if set(table["robot"]) != set(robots.tolist()):
+            found = ", ".join(map(str, pd.unique(table["robot"])))
+            raise ValueError(f"robots are {found}; expected 0 for the leader, 1 for the robot behind it, and so on")
+        used = [*COLUMNS, *(name for name in ("heading_rad", "left_steps", "right_steps") if name in table)]
+        finite = np.isfinite(table[used].to_numpy(np.float64))
+        if not finite.all():
+            row, place = np.argwhere(~finite)[0]
+            raise ValueError(f"the recording has no number in row {row}, column {used[place]}; cut gaps out")
+        times = np.sort(table["time_s"].unique())
         if len(table) != times.size * len(robots) or table.duplicated(["time_s", "robot"]).any():
             raise ValueError(f"{len(table)} lines for {times.size} times and {len(robots)} robots; expected one of each")
         if times.size < 3:
@@ -141,24 +151,35 @@ Source: TypeAlias = Motion | Run | pd.DataFrame
 
 
 def as_motion(source: Source) -> Motion:
-    """Return the motion of a Motion, of a Run (its last whole block), or of a recording's table."""
+    """Return the motion of a Motion, of a Run (its last whole block), or of a recording's table.
+
+    Raises:
+        TypeError: it is none of these; an array becomes a motion by ``Motion.of_path``.
+    """
     if isinstance(source, Motion):
         return source
     if isinstance(source, Run):
         return Motion.of_steps(sampled_blocks(source.records)[-1][1], track_of(source.config))
-    return Motion.of_table(source)
+    if isinstance(source, pd.DataFrame):
+        return Motion.of_table(source)
+    raise TypeError(
+        f"source is a {type(source).__name__}; expected a Motion, a Run or a table; for arrays: Motion.of_path(xy, fs)"
+    )
 
 
 def follow(policy: Controller, config: ConvoyConfig, *, minutes: float = 20.0) -> Motion:
     """Drive a formation greedily with a policy, or with a classical law, and return its whole motion.
 
     Raises:
-        ValueError: the policy or law does not fit the configuration.
+        ValueError: the policy or law does not fit the configuration, or minutes are not above 0.
     """
+    check_controller(policy)
+    if not 0 < minutes <= 1e5:
+        raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
     policy.check(config)
     law = policy if isinstance(policy, ControlLaw) else None
     theta = None if isinstance(policy, ControlLaw) else policy.theta
-    periods = max(1, round(minutes * 60 / CONTROL_PERIOD))
+    periods = max(3, round(minutes * 60 / CONTROL_PERIOD))
     convoy = Convoy(config, [config.seed], periods=periods, policy=theta, law=law, threads=1)
     return Motion.of_steps(drive(convoy), convoy.world.tracks[0])
 
@@ -176,10 +197,13 @@ def drive(convoy: Convoy) -> NDArray[np.void]:
 def chatter(source: Source) -> pd.DataFrame:
     """Return how restlessly each robot moves, one line per robot.
 
+    Jerk and turning are what an onlooker sees: driving back after a loss is part of them. Windows in which a robot was put
+    somewhere else (a restart of the simulation) are left out. Compare motions of one sampling rate only.
+
     Columns:
         robot, distance_m: the robot's place in line and how far it drove.
-        ldlj_vector: mean log dimensionless jerk of its velocity over windows of 20 s; larger is smoother.
-        turn_rms_deg_s: RMS turning rate above 1 Hz, over the same windows.
+        ldlj_vector: mean log dimensionless jerk of its velocity over windows of 20 s; larger is smoother. NaN below 20 s.
+        turn_rms_deg_s: RMS turning rate above 1 Hz, over the same windows. NaN where sampling is too slow to tell (4 Hz or less).
         variation_mm_s_per_m: Σ|Δ command| of both wheels per metre, while following.
         switches_per_m: changes of the command per metre, while following.
         policy_switches_per_m: the same between commands of which neither was a random action: the policy's own.
@@ -189,8 +213,10 @@ def chatter(source: Source) -> pd.DataFrame:
     for robot in range(motion.position.shape[1]):
         path, turn = motion.position[:, robot], np.diff(motion.heading[:, robot]) * motion.fs
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        jumps = steps > JUMP_MPS / motion.fs
+        steps = np.where(jumps, 0.0, steps)
         line: dict[str, Any] = {"robot": robot, "distance_m": float(steps.sum())}
-        line |= _windows(np.diff(path, axis=0) * motion.fs, turn, motion.fs)
+        line |= _windows(np.diff(path, axis=0) * motion.fs, turn, jumps, motion.fs)
         if motion.command is not None:
             together = motion.following[1:, robot] & motion.following[:-1, robot]
             line |= _switching(motion.command[:, robot], steps, together, motion.explored[:, robot])
@@ -198,18 +224,21 @@ def chatter(source: Source) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def _windows(velocity: Floats, turn: Floats, fs: float) -> dict[str, float]:
-    length = min(round(WINDOW_S * fs), len(velocity))
+def _windows(velocity: Floats, turn: Floats, jumps: Flags, fs: float) -> dict[str, float]:
+    whole = round(WINDOW_S * fs)
+    length = min(whole, len(velocity))
     jerks, powers = [], []
     for start in range(0, len(velocity) - length + 1, length):
+        if np.any(jumps[start : start + length]):
+            continue
         part = velocity[start : start + length]
-        if np.any(part):  # a robot that stands still has no smoothness
+        if length == whole and np.any(part):  # a robot that stands still has no smoothness
             jerks.append(ldlj_vector(part, fs))
         frequency, power = signal.periodogram(turn[start : start + length], fs, detrend=False)
         powers.append(float(power[frequency > TURNING_HZ].sum() * (frequency[1] - frequency[0])))
     return {
         "ldlj_vector": float(np.mean(jerks)) if jerks else np.nan,
-        "turn_rms_deg_s": float(np.degrees(np.sqrt(np.mean(powers)))),
+        "turn_rms_deg_s": float(np.degrees(np.sqrt(np.mean(powers)))) if powers and fs > 4 * TURNING_HZ else np.nan,
     }
 
 

@@ -3,7 +3,8 @@
 ``measure_motion`` gives one line of plain numbers: ``learning_…`` while learning, ``following_…`` frozen afterwards, without
 exploration. Names that end in a number belong to that robot, 0 being the leader; see ``workbench.study.judder.judder`` and
 ``workbench.study.motion.chatter`` for what they mean. Lengths in mm, angles in degrees, errors from true poses, also where the
-followers sense with noise. What does not exist is NaN.
+followers sense with noise; times to being stable from sensed ones. What a trial does not have (a gain without a robot in front)
+is NaN; a drive shorter than a loop, or a follower that never gets round, is an error.
 
 >>> trial = Trial(config=ConvoyConfig(followers=1, drive="planar"), controller="carrot", minutes=2.0)
 >>> numbers = measure_motion(trial)

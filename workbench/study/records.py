@@ -159,7 +159,7 @@ def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[
 
     Keys ending in ``_last_third`` cover the blocks that began in the last third of the run, ``_all_time`` the same share
     with reset and lost time in the denominator. A number that no visit decides, such as the errors of a last third without
-    a block, is None.
+    a block, is None. Errors are as the followers sensed them, noise included.
     """
     late = records["starts"] >= 2 / 3 * length
     whole = _numbers(config, records["visits"], records["sums"])

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import fields
-from workbench.formation.classical import ControlLaw, Controller, controller_from_arrays
+from workbench.formation.classical import ControlLaw, Controller, check_controller, controller_from_arrays
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
@@ -35,7 +35,7 @@ from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
 from workbench.study.storage import read_json, read_npz, refuse_existing, remove_temporaries, write_json, write_npz
 
-SCHEMA = 2
+SCHEMA = 3
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
 REQUEST = ("kind", "length", "policy_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
@@ -193,6 +193,7 @@ def _evaluation(
     if len(policies) != len(seeds):
         raise ValueError(f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed")
     for policy in policies:
+        check_controller(policy)
         policy.check(config)
     if len({policy.theta.shape if isinstance(policy, Policy) else policy.sha256() for policy in policies}) > 1:
         raise ValueError(

@@ -48,9 +48,9 @@ def sparc(speed: ArrayLike, fs: float, fc: float = 10.0) -> float:
     kept = np.arange(n) * fs / n <= min(fc, fs / 2)
     spectrum = (magnitude / magnitude.max())[kept]
     above = np.flatnonzero(spectrum >= _THRESHOLD)
-    spectrum = spectrum[above[0] : above[-1] + 1]
+    spectrum = spectrum[above[0] : above[-1] + 1] if above.size else spectrum[:0]
     if spectrum.size < 2:
-        raise ValueError(f"the spectrum up to fc = {fc!r} Hz has a single line above {_THRESHOLD:g}; record longer or raise fc")
+        raise ValueError(f"the spectrum up to fc = {fc!r} Hz has fewer than two lines above {_THRESHOLD:g}; raise fc")
     step = 1.0 / (spectrum.size - 1)  # of the normalised frequency
     return -float(np.sum(np.hypot(step, np.diff(spectrum))))
 
@@ -76,14 +76,13 @@ def ldlj_vector(velocity: ArrayLike, fs: float) -> float:
 
 def _log_jerk(velocity: Floats, fs: float) -> float:
     duration = len(velocity) / fs
-    change = np.linalg.norm(np.diff(velocity, n=2, axis=0), axis=1)
     peak = float(np.max(np.linalg.norm(velocity, axis=1)))
     if peak == 0.0:
         raise ValueError(f"the velocity is 0 in all of {len(velocity)} samples; there is no movement to be told smooth")
-    if np.all(change <= _ROUNDING * peak):
+    change = np.linalg.norm(np.diff(velocity / peak, n=2, axis=0), axis=1)
+    if np.all(change <= _ROUNDING):
         return math.inf
-    jerk = float(np.sum((change * fs**2) ** 2)) / fs
-    return -math.log(duration**3 / peak**2 * jerk)
+    return -math.log(duration**3 * float(np.sum((change * fs**2) ** 2)) / fs)
 
 
 def _checked(name: str, values: ArrayLike, dimensions: int, fs: float, least: int) -> Floats:

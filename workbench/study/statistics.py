@@ -158,7 +158,11 @@ def time_to_stable(losses: ArrayLike, errors: ArrayLike, *, block: int = 5000) -
         ValueError: the two have different lengths, or there are fewer than three blocks.
     """
     lost, error = np.asarray(losses, dtype=np.float64).ravel(), np.asarray(errors, dtype=np.float64).ravel()
+    if block < 1:
+        raise ValueError(f"block = {block!r}; expected at least one update")
     count = lost.size // block
+    if not np.all(np.isfinite(error)) or not np.all(np.isfinite(lost)):
+        raise ValueError("losses or errors are not finite; leave out what was not measured")
     if lost.size != error.size or count < 3:
         raise ValueError(f"{lost.size} losses, {error.size} errors; expected as many of each, at least three blocks of {block}")
     rates = lost[: count * block].reshape(count, block).sum(axis=1)

@@ -13,6 +13,8 @@ that it changes when the numbers do.
 import html
 from dataclasses import dataclass
 
+import numpy as np
+
 RULINGS = ("supported", "supported under conditions", "not supported")
 _MARK = {"supported": "✔", "supported under conditions": "◐", "not supported": "✘"}
 _COLOUR = {"supported": "#009E73", "supported under conditions": "#E69F00", "not supported": "#D55E00"}
@@ -20,8 +22,8 @@ _COLOUR = {"supported": "#009E73", "supported under conditions": "#E69F00", "not
 
 def ruling(*parts: bool) -> str:
     """Return "supported" if all parts of a claim hold, "not supported" if none does, else "supported under conditions"."""
-    if not parts:
-        raise ValueError("a ruling needs at least one part of the claim that was tested")
+    if not parts or not all(isinstance(part, (bool, np.bool_)) for part in parts):
+        raise ValueError(f"parts = {parts!r}; a ruling needs True or False for at least one part of the claim that was tested")
     if all(parts):
         return RULINGS[0]
     return RULINGS[1] if any(parts) else RULINGS[2]
