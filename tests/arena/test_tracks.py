@@ -94,3 +94,15 @@ def test_a_long_convoy_gets_a_larger_loop():
     large = make_track(config, rng, convoy_length_m=64 * 0.15)
     assert small.radius_m == 0.5
     assert large.length_m / 2 * 0.6 == pytest.approx(64 * 0.15, rel=1e-3)
+
+
+@pytest.mark.parametrize("shape", ["circle", "stadium", "eight"])
+def test_places_on_the_loop_and_deviations_are_found_in_both_branches(shape):
+    track = make_track(TrackConfig(shape=shape, judder="none"), np.random.default_rng(0))
+    at = np.linspace(0, track.length_m, 57, endpoint=False)
+    poses = np.array([track.pose(s) for s in at])
+    left = np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=1)
+    along, away = track.lateral(poses[:, :2] + 0.01 * left, poses[:, 2])
+    gap = (along - at + track.length_m / 2) % track.length_m - track.length_m / 2
+    assert np.abs(gap).max() < 0.003 and away == pytest.approx(0.01, abs=2e-4)
+    assert track.nearest(poses[:, :2], poses[:, 2]).shape == (57,)

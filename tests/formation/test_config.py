@@ -76,6 +76,14 @@ def test_unknown_names_are_refused_with_the_valid_ones(cls):
         (lambda: ConvoyConfig(sight_m=0.1), "sight_m = 0.1; expected at least the terminal distance 0.22 m"),
         (lambda: ConvoyConfig(distance_m=(0.3, 1.0)), "enlarge track.radius_m"),
         (lambda: LearnerConfig(epsilon_schedule="exponential", epsilon_final=0.0), "expected both above 0"),
+        (
+            lambda: LearnerConfig(rule="true-online-sarsa", buffer=False),
+            "buffer = False with rule = 'true-online-sarsa'.*expected buffer = True",
+        ),
+        (
+            lambda: ConvoyConfig(weights="shared", learner=LearnerConfig(rule="true-online-sarsa")),
+            "weights = 'shared' with learner.rule = 'true-online-sarsa'.*expected weights = 'own' or 'first'",
+        ),
     ],
 )  # fmt: skip
 def test_values_that_do_not_fit_together_are_refused(build, message):
@@ -125,3 +133,11 @@ def test_action_levels_hold_the_leader_s_speed_and_are_whole_steps():
     assert left.dtype == right.dtype == int
     assert 466 in left  # 0.06 m/s
     assert list(left) == sorted(left)
+
+
+def test_rules_whose_ratio_is_at_most_one_may_keep_long_traces():
+    for rule in ("watkins-q", "expected-sarsa", "true-online-sarsa"):
+        assert LearnerConfig(rule=rule, gamma=0.97, lam=1.0).beta == 0.0
+    for rule in ("greedy-gq", "qrc"):
+        with pytest.raises(ValueError, match="lets the trace grow without bound"):
+            LearnerConfig(rule=rule, gamma=0.97, lam=1.0)

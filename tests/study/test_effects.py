@@ -73,6 +73,7 @@ def test_numbers_in_words():
 
 def test_plots_show_every_condition_with_its_seeds_and_kind_of_interval():
     summary = by_condition(_table(), ["spacing", "tiles"], "error")
+    assert curves(summary, "tiles", by="spacing", xlabel="", ylabel="", log=True).get_yscale() == "log"
     ax = curves(summary, "tiles", by="spacing", xlabel="tiles", ylabel="error in mm")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["uniform", "logarithmic"]
     assert "95 % bootstrap interval over seeds, n = 10" in ax.get_title(loc="left")
