@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from workbench.study.style import CYCLE, MARKERS, new_axes, note
 
@@ -46,6 +47,9 @@ def curves(
         )  # fmt: skip
     if log:
         ax.set_yscale("log")
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(lambda number, _: f"{number:g}")
+        ax.yaxis.set_minor_formatter(NullFormatter())
     else:
         ax.set_ylim(bottom=min(0.0, 1.05 * float(summary["low"].min())))
     if even:
