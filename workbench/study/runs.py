@@ -194,11 +194,8 @@ def _evaluation(
         raise ValueError(f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed")
     for policy in policies:
         check_controller(policy)
-        policy.check(config)
     if len({policy.theta.shape if isinstance(policy, Policy) else policy.sha256() for policy in policies}) > 1:
-        raise ValueError(
-            "the policies have different numbers of tables, or are different laws; evaluate them in separate batches"
-        )
+        raise ValueError("the policies differ in their numbers of tables, or are different laws; evaluate them apart")
     if not 0 < minutes <= 1e6:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
     periods = _positive("periods", round(minutes * 60 / CONTROL_PERIOD))
