@@ -131,15 +131,20 @@ def count_collisions(block: Any, before: Any, counts: Any) -> None:
     Args:
         block: (periods, robots) of STEP; before: (0 or 1, robots), the period before it.
     """
+    robots = block.shape[1]
+    x, y = np.empty(robots), np.empty(robots)
     for t in range(block.shape[0]):
-        for i in range(1, block.shape[1]):
+        for i in range(robots):
+            x[i], y[i] = block[t, i].x, block[t, i].y
+        for i in range(1, robots):
             for j in range(i):
-                if _touching(block[t, i], block[t, j]):
-                    begun = not _touching(block[t - 1, i], block[t - 1, j]) if t else True
-                    if t == 0 and before.shape[0]:
-                        begun = not _touching(before[0, i], before[0, j])
-                    if begun:
-                        counts[i - 1] += 1
+                dx, dy = x[i] - x[j], y[i] - y[j]
+                if dx * dx + dy * dy < TOUCH * TOUCH:
+                    if t:
+                        touched = _touching(block[t - 1, i], block[t - 1, j])
+                    else:
+                        touched = before.shape[0] > 0 and _touching(before[0, i], before[0, j])
+                    counts[i - 1] += not touched
 
 
 @compiled
