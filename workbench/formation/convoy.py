@@ -189,7 +189,8 @@ class Convoy:
         chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self._rngs]
         return {
             "physics": self.world.states.copy(), "robots": self._robots.copy(), "formations": self._formations.copy(),
-            "weights": self.weights.copy(), "trace_ids": self._trace_ids.copy(), "trace_values": self._trace_values.copy(),
+            "weights": self.weights.copy(), "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
+            "trace_values": self._trace_values[:, :, :1].copy(),
             "chance": np.array(json.dumps(chance)),
         }  # fmt: skip
 
@@ -207,7 +208,7 @@ class Convoy:
         self.world.states[:] = state["physics"]
         self._robots[:], self._formations[:] = state["robots"], state["formations"]
         self.weights[:] = state["weights"]
-        self._trace_ids[:], self._trace_values[:] = state["trace_ids"], state["trace_values"]
+        self._trace_ids[:, :, :2], self._trace_values[:, :, :1] = state["trace_ids"], state["trace_values"]
         for rng, children in zip(self._rngs, json.loads(str(state["chance"])), strict=True):
             for name in CHILDREN:
                 rng[name].bit_generator.state = children[name]
