@@ -7,6 +7,7 @@ import sys
 
 import numba
 
+from workbench import compiled as module
 from workbench import paths
 from workbench.compiled import FOLDER, compiled
 
@@ -44,3 +45,14 @@ def test_other_users_of_numba_are_left_alone():
     before = numba.config.CACHE_DIR
     compiled(lambda: None)
     assert numba.config.CACHE_DIR == before and FOLDER.name.startswith("numba-")
+
+
+def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
+    (tmp_path / "package").write_text("no folder")  # whatever would lie below cannot be made
+    monkeypatch.setattr(module, "_PACKAGE", tmp_path / "package")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert module._folder() == tmp_path / "home" / ".cache" / "workbench" / module.NAME
+    monkeypatch.setattr(module.os.path, "expanduser", lambda path: path)  # a user that the system does not know
+    folder = module._folder()
+    assert folder.is_dir() and folder.name.startswith(module.NAME) and "home" not in folder.parts
+    folder.rmdir()

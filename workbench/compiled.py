@@ -14,8 +14,8 @@ Contract: functions are compiled at their first call for the types that they get
 from __future__ import annotations
 
 import contextlib
-import getpass
 import hashlib
+import os
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -39,13 +39,13 @@ def _name() -> str:
 
 
 def _folder() -> Path:
-    """Return the cache's folder: in the package, or where that cannot be written in the system's folder for temporary files."""
-    for parent in (_PACKAGE / "__pycache__", Path(tempfile.gettempdir()) / f"workbench-{getpass.getuser()}"):
-        try:
-            (parent / NAME).mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        return parent / NAME
+    """Return the cache's folder: in the package, else in the user's own cache, else a new one that only this process uses."""
+    for parent in (_PACKAGE / "__pycache__", Path(os.path.expanduser("~")) / ".cache" / "workbench"):
+        if parent.is_absolute():  # a user without a home stays "~"
+            with contextlib.suppress(OSError):
+                (parent / NAME).mkdir(parents=True, exist_ok=True)
+                if os.access(parent / NAME, os.W_OK):
+                    return parent / NAME
     return Path(tempfile.mkdtemp(prefix=NAME))
 
 

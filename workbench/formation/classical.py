@@ -144,7 +144,7 @@ class PurePursuit(ControlLaw):
 
 @configuration
 class PathReconstruction(ControlLaw):
-    """Follow the reconstructed path of the predecessor (after Klančar, Matko, Blažič 2009), knowing what the learner knows."""
+    """Follow the reconstructed path of the predecessor (after Klančar, Matko, Blažič 2009): distance, bearing, own odometry."""
 
     name: ClassVar[str] = "path"
     number: ClassVar[int] = steering.PATH
