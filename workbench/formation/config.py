@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, integer, integers, part, real, reals
+from workbench.formation.readings import reading_tilings
 from workbench.formation.reward import PRESETS
 from workbench.learning.config import LearnerConfig
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.infrared import InfraredConfig, front_pair
+from workbench.robot.inversion import WIDEST
 from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
 
 TILINGS = ("uniform", "logarithmic")
@@ -22,7 +25,10 @@ MAX_TILINGS = 8
 SENSING = {
     "truth": ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
     "truth-relative": ("distance", "bearing", "odometry"),
+    "ir-metric": ("distance", "bearing", "odometry"),
+    "ir-raw": ("readings", "odometry"),
 }
+INFRARED = ("ir-metric", "ir-raw")
 V_MAX = speed_from_steps(MAX_STEPS)
 
 
@@ -38,11 +44,16 @@ class ConvoyConfig:
     drive: str = choice(DRIVES, "fidelity of the simulated robot", default="wheels")
     sensing: str = choice(
         tuple(SENSING),
-        "where the errors come from: truth reads the simulator's poses; truth-relative only distance and bearing of them",
+        "where the errors come from: truth reads the simulator's poses; truth-relative only distance and bearing of them; "
+        "ir-metric inverts two infrared readings, ir-raw tiles the readings themselves",
         default="truth",
     )
     noise_distance_m: float = real(0.0, 0.1, "m", "standard deviation of white noise on the sensed distance", default=0.0)
     noise_bearing_rad: float = real(0.0, 1.0, "rad", "standard deviation of white noise on the sensed bearing", default=0.0)
+    infrared: InfraredConfig = part(InfraredConfig, "proximity sensors and what they look at", default=InfraredConfig())
+    threshold_counts: float = real(
+        1.0, 1000.0, "counts", "infrared readings below it do not count as seen; 12 are five standard deviations", default=12.0
+    )
     track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())
     leader_speed_mps: float = real(0.005, 0.12, "m/s", "constant speed of the leader", default=0.06)
     distance_m: tuple[float, float] = reals(
@@ -96,6 +107,8 @@ class ConvoyConfig:
                 f"ConvoyConfig.distance_m = {self.distance_m!r} asks for d* = {self.middle_m:g} m on a track with radius_m = "
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
             )
+        if self.sensing in INFRARED:
+            self._check_infrared()
         if self.learner.rule == "true-online-sarsa" and self.weights == "shared":
             raise ValueError(
                 "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; what this rule remembers of its last "
@@ -108,6 +121,30 @@ class ConvoyConfig:
                 f"the time step of the {self.drive!r} drive"
             )
         self.grids()  # refuses an even number of logarithmic cells and inner cells wider than the range
+
+    def _check_infrared(self) -> None:
+        if self.noise_distance_m or self.noise_bearing_rad:
+            raise ValueError(
+                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, noise_bearing_rad = {self.noise_bearing_rad!r} with "
+                f"sensing = {self.sensing!r}; readings have noise of their own: use infrared.noise"
+            )
+        far, _ = front_pair(self.distance_m[1], 0.0, self.infrared)
+        if far < self.threshold_counts:
+            raise ValueError(
+                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = {self.sensing!r}; at {self.distance_m[1]:g} m a "
+                f"{self.infrared.target} reads {far:.1f} counts, below threshold_counts = {self.threshold_counts:g}: expected a "
+                "far bound at which the robot in front is still seen (0.13 for a cup)"
+            )
+        if self.bearing_limit_rad > WIDEST:
+            raise ValueError(
+                f"ConvoyConfig.bearing_limit_rad = {self.bearing_limit_rad!r} with sensing = {self.sensing!r}; two readings tell "
+                f"a bearing up to {WIDEST:.2f} rad: expected at most that (0.436 is 25°)"
+            )
+
+    @property
+    def noisy(self) -> bool:
+        """Whether sensed distances or bearings get white noise."""
+        return self.noise_distance_m > 0 or self.noise_bearing_rad > 0
 
     @property
     def middle_m(self) -> float:
@@ -125,7 +162,12 @@ class ConvoyConfig:
         return 0 if self.learner.buffer else round(self.compute_time_s / TIMESTEP[self.drive])
 
     def grid(self) -> TileGrid:
-        """Return the tilings of the distance error (m) and of the bearing (rad), in the order of the state index."""
+        """Return the tilings of the distance error (m) and of the bearing (rad), in the order of the state index.
+
+        With sensing "ir-raw": of the left and the right front reading in counts, see ``workbench.formation.readings``.
+        """
+        if self.sensing == "ir-raw":
+            return TileGrid(*reading_tilings(self.infrared, self.distance_m, self.state_tiles, self._tilings()))
         tilings = []
         for kind, count, half, inner, name in (
             (self.distance_tiling, self.state_tiles[0], self.half_range_m, self.inner_distance_m, "inner_distance_m"),
@@ -139,6 +181,9 @@ class ConvoyConfig:
             except ValueError as error:
                 raise ValueError(f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = {inner!r}: {error}") from None
         return TileGrid(*tilings)
+
+    def _tilings(self) -> tuple[str, str]:
+        return self.distance_tiling, self.bearing_tiling
 
     def grids(self) -> tuple[TileGrid, ...]:
         """Return the offset grids whose cells are the features; the first one is ``grid()``, whose cells are the states."""
@@ -173,10 +218,14 @@ class ConvoyConfig:
 # Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-robot": those for its robots;
 # "logarithmic": the paper's other spacing, with initial values that leave room to improve on; "recommended": four coarse tilings
 # that together resolve 7 mm × 4.5°. Of all that were tried on wheels only these followed within 2.5 mm and 1.5° and lost nobody
-# on any kind of track (notebook 12).
+# on any kind of track (notebook 12). "infrared": with nothing but the two front sensors, 8 to 13 cm and ±25° (notebook 05).
 SETTINGS = {
     "paper": ConvoyConfig(),
     "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),
     "logarithmic": ConvoyConfig(distance_tiling="logarithmic", bearing_tiling="logarithmic", learner=LearnerConfig(theta0=0.0)),
     "recommended": ConvoyConfig(state_tiles=(5, 5), tilings=4),
-}
+    "infrared": ConvoyConfig(
+        sensing="ir-metric", distance_m=(0.08, 0.13), bearing_limit_rad=math.radians(25), leader_speed_mps=0.05,
+        distance_tiling="logarithmic", bearing_tiling="logarithmic", inner_distance_m=0.002,
+    ),
+}  # fmt: skip

@@ -18,10 +18,12 @@ from workbench.formation.errors import observe
 from workbench.formation.follower import LEARNED, LOSS, act, learn
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
+from workbench.formation.senses import look, sense_proximity
 from workbench.formation.steering import wrap
 from workbench.learning.behaviour import epsilon_at
 from workbench.robot.geometry import CONTROL_PERIOD, GROUND_SENSOR_X, GROUND_SENSOR_Y
 from workbench.robot.ground import ground_reading
+from workbench.robot.infrared import SENSORS
 
 FORMATION = np.dtype(
     [("updates", "i8"), ("budget", "i8"), ("periods", "i8"), ("last_period", "i8"), ("done", "i8"), ("restart", "i8")]
@@ -56,7 +58,7 @@ def _formation_step(
         robot = robots[i]
         robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
         steps[i].x, steps[i].y, steps[i].heading = robot.x, robot.y, math.atan2(robot.s, robot.c)
-        if task.law:
+        if task.law or task.infrared:
             _measure_motion(robot)
 
     left, right = _lead(task, floor, robots[0], chance)
@@ -65,13 +67,19 @@ def _formation_step(
     steps[0].left, steps[0].right, steps[0].phase = left, right, FOLLOW
 
     epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
-    flags, followers = 0, robots.size - 1
+    flags = 0
     for i in range(1, robots.size):
         robot, step = robots[i], steps[i]
-        distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
+        if task.infrared:
+            place = task.infrared_at + SENSORS * (i - 1)
+            sense_proximity(task, robots, i, chance[place : place + SENSORS])
+            distance, bearing = look(task, robot)
+        else:
+            distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
         if task.noisy:
-            distance = abs(distance + task.distance_noise * chance[3 + followers + 2 * (i - 1)])
-            bearing = wrap(bearing + task.bearing_noise * chance[4 + followers + 2 * (i - 1)])
+            place = task.noise_at + 2 * (i - 1)
+            distance = abs(distance + task.distance_noise * chance[place])
+            bearing = wrap(bearing + task.bearing_noise * chance[place + 1])
         if task.law:
             _know_ahead(robot, robots[i - 1])
         left, right, finite = act(

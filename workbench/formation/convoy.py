@@ -27,16 +27,17 @@ from numpy.typing import NDArray
 from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World
 from workbench.formation.classical import ControlLaw
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.control import DIVERGED, FORMATION, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
 from workbench.formation.reset import FOLLOW
 from workbench.formation.task import fill_task
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
+from workbench.robot.infrared import SENSORS, calibrate, draw_units
 
 BLOCK = 2500  # control periods
-CHILDREN = ("track", "sensor", "policy", "noise")
+CHILDREN = ("track", "sensor", "policy", "noise", "infrared", "units")
 
 _UNUSED = np.zeros((), STEP)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
@@ -112,9 +113,15 @@ class Convoy:
             if config.weights == "first":
                 self._robots["learns"][:, 2:] = 0
         self._task = fill_task(config, horizon or steps, self.world, law)
-        self._noisy = bool(self._task["noisy"][0])
-        self._chance = np.zeros((count, BLOCK, 3 + n + (2 * n if self._noisy else 0)))
-        self._sensor, self._policy, self._noise = np.zeros((BLOCK, 3)), np.zeros((BLOCK, n)), np.zeros((BLOCK, 2 * n))
+        # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or normal
+        self._draws = [("sensor", 3, False), ("policy", n, True)]
+        if config.noisy:
+            self._draws.append(("noise", 2 * n, False))
+        if config.sensing in INFRARED:
+            self._draws.append(("infrared", SENSORS * n, False))
+            self._fit_sensors()
+        self._chance = np.zeros((count, BLOCK, sum(width for _, width, _ in self._draws)))
+        self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
             self._task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self._robots,
@@ -157,12 +164,11 @@ class Convoy:
         RuntimeError: the physics became unstable.
         """
         for b, rng in enumerate(self._rngs):
-            rng["sensor"].standard_normal(out=self._sensor)
-            rng["policy"].random(out=self._policy)
-            self._chance[b, :, :3], self._chance[b, :, 3 : 3 + self._policy.shape[1]] = self._sensor, self._policy
-            if self._noisy:
-                rng["noise"].standard_normal(out=self._noise)
-                self._chance[b, :, 3 + self._policy.shape[1] :] = self._noise
+            column = 0
+            for (name, width, uniform), drawn in zip(self._draws, self._drawn, strict=True):
+                (rng[name].random if uniform else rng[name].standard_normal)(out=drawn)
+                self._chance[b, :, column : column + width] = drawn
+                column += width
         before = self.periods.copy()
         act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
         step, running, delay, ctrl = self.world.batch.step, self._running(), self._delay, self.world.ctrl
@@ -218,6 +224,15 @@ class Convoy:
         shape = (-1, self.config.rows, self.config.actions)
         theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
         return theta, w
+
+    def _fit_sensors(self) -> None:
+        """Give every robot infrared sensors of its own, and let it calibrate them."""
+        infrared = self.config.infrared
+        for robots, rng in zip(self._robots, self._rngs, strict=True):
+            for robot in robots:
+                robot["gain"], robot["offset"] = draw_units(rng["units"], infrared)
+                if infrared.calibrated:
+                    robot["bias"] = calibrate(rng["units"], infrared, robot["offset"])
 
     def _running(self) -> NDArray[np.int64] | None:
         done = self._formations["done"]

@@ -21,12 +21,15 @@ from workbench.compiled import compiled
 from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
+from workbench.formation.senses import NEAR, raw_errors
 from workbench.formation.steering import CRUMBS, steer
 from workbench.learning.behaviour import explore, greedy_of_sum
 from workbench.learning.config import RULES
 from workbench.learning.kernel import clear_trace, gq_update
 from workbench.learning.sarsa import sarsa_update
 from workbench.learning.tiles import tile_index
+from workbench.robot.infrared import SENSORS
+from workbench.robot.inversion import NODES
 
 MAX_TILES = 64  # per dimension, of states and of actions
 
@@ -46,6 +49,13 @@ TASK = np.dtype(
         ("delayed", "i8"),  # whether commands wait for the update
         ("distance_noise", "f8"), ("bearing_noise", "f8"), ("noisy", "i8"),  # m, rad: standard deviations; whether there is any
         ("law", "i8"), ("gain", "f8", (8,)), ("slowest", "f8"), ("fastest", "f8"),  # of a classical follower; steps/s of a wheel
+        # infrared, see formation.senses: modes; what is looked at; sampling; ambient light; thresholds; the inverse
+        ("infrared", "i8"), ("raw", "i8"), ("noise_at", "i8"), ("infrared_at", "i8"),
+        ("ir_radius", "f8"), ("ir_strength", "f8"), ("ir_beacon", "i8"), ("ir_reach", "f8"),
+        ("ir_spread", "f8"), ("ir_age", "f8"),
+        ("ambient", "f8"), ("ambient_c", "f8"), ("ambient_s", "f8"), ("warp", "i8"), ("threshold", "f8"),
+        ("raw_middle", "f8"), ("raw_near", "f8"), ("raw_far", "f8"), ("raw_side", "f8"),
+        ("ir_table", "f8", (2, NODES, NODES)),
     ],
     align=True,
 )  # fmt: skip
@@ -67,6 +77,11 @@ FOLLOWER = np.dtype(
         ("ahead_heading", "f8"), ("ahead_speed", "f8"), ("ahead_turn", "f8"),  # rad relative to own, m/s, rad/s
         ("left", "i8"), ("right", "i8"), ("integral", "f8"), ("ox", "f8"), ("oy", "f8"), ("oh", "f8"),
         ("crumbs", "i8"), ("trail", "f8", (CRUMBS, 2)),
+        # infrared: the sensors' constants, readings in counts, what ambient light leaves, robots near; last seen; last commands
+        ("gain", "f8", (SENSORS,)), ("offset", "f8", (SENSORS,)), ("bias", "f8", (SENSORS,)),
+        ("prox", "f8", (SENSORS,)), ("headroom", "f8", (SENSORS,)), ("near_x", "f8", (NEAR,)), ("near_y", "f8", (NEAR,)),
+        ("left_reading", "f8"), ("right_reading", "f8"), ("blind", "i8"), ("sought", "f8"),
+        ("ran_left", "i8"), ("ran_right", "i8"),
     ],
     align=True,
 )  # fmt: skip
@@ -81,7 +96,8 @@ STEP = np.dtype(  # no padding: equal records are equal bytes
     ]
 )  # fmt: skip
 
-LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED, EXPLORED = 1, 2, 4, 8, 16, 32  # bits of STEP.event; the last: of the command
+# bits of STEP.event; EXPLORED: of the command; BLINDED: ambient light leaves the front sensors nothing to read with
+LOSS, RECOVERED, TIMED_OUT, GAVE_UP, LEARNED, EXPLORED, BLINDED = 1, 2, 4, 8, 16, 32, 64
 
 _ONES = np.ones(MAX_TILINGS)
 _WATKINS, _EXPECTED, _SARSA = (RULES.index(name) for name in ("watkins-q", "expected-sarsa", "true-online-sarsa"))
@@ -158,9 +174,14 @@ def _expect(task: Any, follower: Any, theta: Any, bar: Any, bar_value: Any) -> i
 def _sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
     """Find the cell of every tiling, as the place of its first weight; return the state, -1 outside the bounds."""
     state = -1
+    first, second = e_d, o_err
+    if task.raw:
+        if not (abs(e_d) < task.half_range and abs(o_err) < task.limit):
+            return -1
+        first, second = follower.left_reading, follower.right_reading
     for k in range(task.tilings):
-        row = tile_index(task.distance_edges[k], task.distance_tiles[k], e_d)
-        column = tile_index(task.bearing_edges[k], task.bearing_tiles[k], o_err)
+        row = tile_index(task.distance_edges[k], task.distance_tiles[k], first)
+        column = tile_index(task.bearing_edges[k], task.bearing_tiles[k], second)
         if row < 0 or column < 0:
             return -1
         cell = row * task.bearing_tiles[k] + column
@@ -192,7 +213,7 @@ def act(
     task: Any, follower: Any, step: Any, weights: Any, trace_ids: Any, trace_values: Any,
     distance: float, bearing: float, epsilon: float, u: float, room: bool,
 ) -> tuple[int, int, bool]:  # fmt: skip
-    """Observe, finish the running transition and choose wheel commands.
+    """Observe, finish the running transition and choose wheel commands, which are remembered.
 
     Args:
         task, follower, step: records of type TASK, FOLLOWER and STEP (written: what happened).
@@ -204,6 +225,20 @@ def act(
     Returns:
         (left, right, finite): commands in whole steps/s; False where learning diverged.
     """
+    left, right, finite = _choose(
+        task, follower, step, weights, trace_ids, trace_values, distance, bearing, epsilon, u, room
+    )  # fmt: skip
+    follower.ran_left, follower.ran_right = left, right
+    if follower.blind:
+        step.event |= BLINDED
+    return left, right, finite
+
+
+@compiled
+def _choose(
+    task: Any, follower: Any, step: Any, weights: Any, trace_ids: Any, trace_values: Any,
+    distance: float, bearing: float, epsilon: float, u: float, room: bool,
+) -> tuple[int, int, bool]:  # fmt: skip
     step.state, step.action, step.event = -1, -1, 0
     step.distance_error, step.bearing, step.reward = 0.0, 0.0, 0.0
     follower.epsilon = epsilon
@@ -212,7 +247,7 @@ def act(
     if follower.phase != FOLLOW:
         before = follower.phase
         left, right = manoeuvre(
-            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight
+            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared
         )  # fmt: skip
         if follower.phase != FOLLOW:
             if follower.phase == SEARCH and before != SEARCH:
@@ -227,7 +262,11 @@ def act(
     if follower.state >= 0:
         reward = task.terminal_reward
         if not lost:
-            reward = step_reward(task.preset, e_d / task.half_range, bearing / task.limit)
+            if task.raw:
+                far, aside = raw_errors(task, follower)
+                reward = step_reward(task.preset, far, aside)
+            else:
+                reward = step_reward(task.preset, e_d / task.half_range, bearing / task.limit)
         _finish(task, follower, step, reward, state, room)
         if not task.buffer:
             finite = learn(task, follower, weights, trace_ids, trace_values)
@@ -237,7 +276,7 @@ def act(
         begin_reset(follower, distance, task.middle - task.half_range)
         step.phase = follower.phase
         left, right = manoeuvre(
-            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight
+            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared
         )  # fmt: skip
         return left, right, finite
     step.phase = FOLLOW

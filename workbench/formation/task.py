@@ -1,16 +1,23 @@
 """The task in numbers: a ConvoyConfig as the one record that the compiled loop reads."""
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.world import World
 from workbench.formation.classical import ControlLaw
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.follower import TASK
+from workbench.formation.readings import raw_scales
 from workbench.formation.reward import PRESETS, terminal_reward
+from workbench.formation.senses import FLOOR
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.config import RULES
 from workbench.robot.geometry import STEP as STEP_LENGTH
+from workbench.robot.infrared import BEACON_RANGE, RANGE, WARPS, strength_of
+from workbench.robot.inversion import inversion_table
 from workbench.robot.motors import steps_from_speed
 
 
@@ -43,12 +50,31 @@ def fill_task(config: ConvoyConfig, steps: int, world: World, law: ControlLaw | 
         "wheels": world.wheels, "restart": config.reset == "restart",
         "delayed": config.delay_steps > 0,
         "distance_noise": config.noise_distance_m, "bearing_noise": config.noise_bearing_rad,
-        "noisy": config.noise_distance_m > 0 or config.noise_bearing_rad > 0,
+        "noisy": config.noisy,
+        "noise_at": 3 + config.followers, "infrared_at": 3 + config.followers * (3 if config.noisy else 1),
         "slowest": steps_from_speed(config.wheel_speed_mps[0]), "fastest": steps_from_speed(config.wheel_speed_mps[1]),
     }  # fmt: skip
+    if config.sensing in INFRARED:
+        plain |= _infrared(config)
     for name, value in plain.items():
         task[name] = value
     if law is not None:
         gains = law.gains()
         task["law"], task["gain"][0, : len(gains)] = law.number, gains
     return task
+
+
+def _infrared(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of a follower that sees with its own sensors."""
+    infrared = config.infrared
+    radius, strength, beacon = strength_of(infrared)
+    middle, near, far, side = raw_scales(infrared, config.distance_m, config.bearing_limit_rad, FLOOR)
+    return {
+        "infrared": 1, "raw": config.sensing == "ir-raw",
+        "ir_radius": radius, "ir_strength": strength, "ir_beacon": beacon, "ir_reach": BEACON_RANGE if beacon else RANGE,
+        "ir_spread": infrared.noise / math.sqrt(infrared.samples), "ir_age": infrared.age_s,
+        "ambient": infrared.ambient_counts, "ambient_c": math.cos(infrared.ambient_direction_rad),
+        "ambient_s": math.sin(infrared.ambient_direction_rad), "warp": WARPS.index(infrared.warp),
+        "threshold": config.threshold_counts, "ir_table": inversion_table(infrared),
+        "raw_middle": middle, "raw_near": near, "raw_far": far, "raw_side": side,
+    }  # fmt: skip

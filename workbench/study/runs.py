@@ -35,7 +35,7 @@ from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
 from workbench.study.storage import read_json, read_npz, refuse_existing, remove_temporaries, write_json, write_npz
 
-SCHEMA = 3
+SCHEMA = 4
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
 REQUEST = ("kind", "length", "policy_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
