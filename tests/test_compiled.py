@@ -14,7 +14,8 @@ from workbench.compiled import FOLDER, compiled
 SCRIPT = """
 from workbench.formation.leader import follow_line
 import numpy as np
-leader = np.zeros(1, [("memory", "f8")])
+leader = np.zeros(1, [("memory", "f8"), ("timer", "i8"), ("knows_white", "f8", (3,)), ("knows_black", "f8", (3,))])
+leader["knows_white"], leader["knows_black"] = 948.0, 300.0
 from numba import njit
 call = njit(lambda leader: follow_line(leader[0], 700.0, 300.0, 948.0, 466.0))
 print(*call(leader), follow_line.stats.cache_hits if hasattr(follow_line, "stats") else 0)
@@ -33,8 +34,8 @@ def test_an_edit_of_a_called_module_takes_effect_at_the_next_start(tmp_path):
     first, again = _run(tmp_path), _run(tmp_path)
     source = tmp_path / "workbench" / "robot" / "ground.py"
     text = source.read_text()
-    assert text.count("WHITE = (948.0, 948.0, 948.0)") == 1
-    source.write_text(text.replace("WHITE = (948.0, 948.0, 948.0)", "WHITE = (800.0, 948.0, 948.0)"))
+    assert text.count("return min(max(share, 0.0), 1.0)") == 1
+    source.write_text(text.replace("return min(max(share, 0.0), 1.0)", "return min(max(share, 0.0), 0.5)"))
     edited = _run(tmp_path)
     assert first == again != edited
     folders = list((tmp_path / "workbench" / "__pycache__").glob("numba-*"))

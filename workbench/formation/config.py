@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
-from workbench.fields import choice, configuration, integer, integers, part, real, reals
+from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
 from workbench.formation.readings import reading_tilings
 from workbench.formation.reward import PRESETS
 from workbench.learning.config import LearnerConfig
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.ground import MODULES
 from workbench.robot.infrared import InfraredConfig, front_pair
 from workbench.robot.inversion import WIDEST
 from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
@@ -55,6 +56,11 @@ class ConvoyConfig:
         1.0, 1000.0, "counts", "infrared readings below it do not count as seen; 12 are five standard deviations", default=12.0
     )
     track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())
+    ground: str = choice(tuple(MODULES), "whose measured ground sensors the leader has", default="gray")
+    ground_calibrated: bool = flag(
+        "whether the leader has learned black and white from its own sensors; otherwise it takes them for those of 'gray'",
+        default=True,
+    )
     leader_speed_mps: float = real(0.005, 0.12, "m/s", "constant speed of the leader", default=0.06)
     distance_m: tuple[float, float] = reals(
         0.0701, 1.0, "m", "terminal distances between centres; d* is the middle", default=(0.08, 0.22)

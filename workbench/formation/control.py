@@ -58,13 +58,15 @@ def _formation_step(
         robot = robots[i]
         robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
         steps[i].x, steps[i].y, steps[i].heading = robot.x, robot.y, math.atan2(robot.s, robot.c)
-        if task.law or task.infrared:
+        if task.law or task.infrared or task.external >= 0:
             _measure_motion(robot)
 
-    left, right = _lead(task, floor, robots[0], chance)
-    write_command(ctrl, 0, task.wheels, left, right)
-    write_command(waiting, 0, task.wheels, left, right)
-    steps[0].left, steps[0].right, steps[0].phase = left, right, FOLLOW
+    steps[0].phase = FOLLOW
+    if task.external != 0:
+        left, right = _lead(task, floor, robots[0], chance)
+        write_command(ctrl, 0, task.wheels, left, right)
+        write_command(waiting, 0, task.wheels, left, right)
+        steps[0].left, steps[0].right = left, right
 
     epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
     flags = 0
@@ -80,6 +82,9 @@ def _formation_step(
             place = task.noise_at + 2 * (i - 1)
             distance = abs(distance + task.distance_noise * chance[place])
             bearing = wrap(bearing + task.bearing_noise * chance[place + 1])
+        if i == task.external:  # somebody else drives this robot
+            robot.seen_distance, robot.seen_bearing = distance, bearing
+            continue
         if task.law:
             _know_ahead(robot, robots[i - 1])
         left, right, finite = act(
@@ -141,4 +146,4 @@ def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
 def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
     x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
     y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]
-    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), k, noise)
+    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), leader.white[k], leader.black[k], noise)

@@ -34,6 +34,7 @@ from workbench.formation.reset import FOLLOW
 from workbench.formation.task import fill_task
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
+from workbench.robot.ground import MODULES, WHITE
 from workbench.robot.infrared import SENSORS, calibrate, draw_units
 
 BLOCK = 2500  # control periods
@@ -54,6 +55,7 @@ class Convoy:
         policy: (tables, rows, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
         law: a classical law that drives all followers instead of a policy; without learning only.
         horizon: updates over which schedules are stretched, default ``steps``; a shorter run is then how a longer one begins.
+        external: a robot that somebody else drives, period by period (``period``); 0 is the leader.
         threads: MuJoCo's threads, 0 for one per core.
 
     Attributes:
@@ -73,6 +75,7 @@ class Convoy:
         policy: NDArray[np.float64] | None = None,
         law: ControlLaw | None = None,
         horizon: int | None = None,
+        external: int | None = None,
         threads: int = 0,
     ) -> None:
         if not seeds:
@@ -106,20 +109,28 @@ class Convoy:
         self._robots["state"] = -1
         self._first_memory = -1.0 if config.track.direction == "clockwise" else 1.0
         self._robots["memory"] = self._first_memory
+        black = MODULES[config.ground]
+        self._robots["white"] = self._robots["knows_white"] = WHITE
+        self._robots["black"], self._robots["knows_black"] = black, black if config.ground_calibrated else MODULES["gray"]
         if self.weights.shape[1] > 1:
             self._robots["table"][:, 1:] = np.arange(n)
         if steps:
             self._robots["learns"][:, 1:] = 1
             if config.weights == "first":
                 self._robots["learns"][:, 2:] = 0
-        self._task = fill_task(config, horizon or steps, self.world, law)
+        self._task = fill_task(config, horizon or steps, law)
+        self._task["column0"], self._task["row0"] = self.world.floor.column0, self.world.floor.row0
+        if external is not None:
+            if not 0 <= external <= n:
+                raise ValueError(f"external = {external!r}; this convoy has robots 0 (the leader) to {n}")
+            self._task["external"] = external
+        self._fit_sensors()
         # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or normal
         self._draws = [("sensor", 3, False), ("policy", n, True)]
         if config.noisy:
             self._draws.append(("noise", 2 * n, False))
         if config.sensing in INFRARED:
             self._draws.append(("infrared", SENSORS * n, False))
-            self._fit_sensors()
         self._chance = np.zeros((count, BLOCK, sum(width for _, width, _ in self._draws)))
         self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
@@ -163,12 +174,7 @@ class Convoy:
             FloatingPointError: learning diverged; the message names seed, update, norms and step sizes.
         RuntimeError: the physics became unstable.
         """
-        for b, rng in enumerate(self._rngs):
-            column = 0
-            for (name, width, uniform), drawn in zip(self._draws, self._drawn, strict=True):
-                (rng[name].random if uniform else rng[name].standard_normal)(out=drawn)
-                self._chance[b, :, column : column + width] = drawn
-                column += width
+        self._draw()
         before = self.periods.copy()
         act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
         step, running, delay, ctrl = self.world.batch.step, self._running(), self._delay, self.world.ctrl
@@ -189,6 +195,32 @@ class Convoy:
             if done:  # a formation that has just finished took no step after its last commands
                 self.world.check(b, int(self.periods[b]) - int(self._formations["done"][b]))
         return self._block
+
+    def period(self, t: int) -> NDArray[np.void]:
+        """Sense, act and learn once, without physics: for a convoy with an external robot; ``world.step`` advances it.
+
+        Args:
+            t: control periods since the start; chance is drawn anew at every multiple of BLOCK.
+
+        Returns:
+            (B, followers + 1) of type STEP, a view: what happened.
+        """
+        if t % BLOCK == 0:
+            self._draw()
+        flags = self._act_all(t % BLOCK, *self._arrays)
+        if flags:
+            self._attend(flags, t % BLOCK)
+        steps: NDArray[np.void] = self._block[:, t % BLOCK]
+        return steps
+
+    def _draw(self) -> None:
+        """Draw the chance of one block."""
+        for b, rng in enumerate(self._rngs):
+            column = 0
+            for (name, width, uniform), drawn in zip(self._draws, self._drawn, strict=True):
+                (rng[name].random if uniform else rng[name].standard_normal)(out=drawn)
+                self._chance[b, :, column : column + width] = drawn
+                column += width
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that the next block depends on, as copies of plain arrays."""
@@ -228,11 +260,11 @@ class Convoy:
     def _fit_sensors(self) -> None:
         """Give every robot infrared sensors of its own, and let it calibrate them."""
         infrared = self.config.infrared
-        for robots, rng in zip(self._robots, self._rngs, strict=True):
-            for robot in robots:
+        for robots, rng, seed in zip(self._robots, self._rngs, self.seeds, strict=True):
+            for number, robot in enumerate(robots):
                 robot["gain"], robot["offset"] = draw_units(rng["units"], infrared)
                 if infrared.calibrated:
-                    robot["bias"] = calibrate(rng["units"], infrared, robot["offset"])
+                    robot["bias"] = calibrate(own_chance(seed, number, "bias"), infrared, robot["offset"])
 
     def _running(self) -> NDArray[np.int64] | None:
         done = self._formations["done"]
@@ -252,7 +284,7 @@ class Convoy:
             self.world.restart(b)
             self._waiting[b] = 0
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
-            self._robots[b, 0]["memory"] = self._first_memory
+            self._robots[b, 0]["memory"], self._robots[b, 0]["timer"] = self._first_memory, 0
             self._robots[b]["pc"] = self._robots[b]["ps"] = 0.0  # what was measured of the last period is void
             for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
@@ -316,6 +348,16 @@ def track_of(config: ConvoyConfig) -> Track:
 
 def _track(config: ConvoyConfig, rng: np.random.Generator) -> Track:
     return make_track(config.track, rng, convoy_length_m=config.followers * config.middle_m)
+
+
+def policy_chance(seed: int) -> np.random.Generator:
+    """Return the generator whose uniform numbers decide when the only follower of a convoy explores."""
+    return _children(seed)["policy"]
+
+
+def own_chance(seed: int, robot: int, purpose: str = "readings") -> np.random.Generator:
+    """Return a generator of one robot's own: for what nobody else draws, such as its calibration."""
+    return np.random.default_rng([seed, robot, *purpose.encode()])
 
 
 def _children(seed: int) -> dict[str, np.random.Generator]:

@@ -50,7 +50,7 @@ TASK = np.dtype(
         ("distance_noise", "f8"), ("bearing_noise", "f8"), ("noisy", "i8"),  # m, rad: standard deviations; whether there is any
         ("law", "i8"), ("gain", "f8", (8,)), ("slowest", "f8"), ("fastest", "f8"),  # of a classical follower; steps/s of a wheel
         # infrared, see formation.senses: modes; what is looked at; sampling; ambient light; thresholds; the inverse
-        ("infrared", "i8"), ("raw", "i8"), ("noise_at", "i8"), ("infrared_at", "i8"),
+        ("infrared", "i8"), ("raw", "i8"), ("external", "i8"), ("noise_at", "i8"), ("infrared_at", "i8"),
         ("ir_radius", "f8"), ("ir_strength", "f8"), ("ir_beacon", "i8"), ("ir_reach", "f8"),
         ("ir_spread", "f8"), ("ir_age", "f8"),
         ("ambient", "f8"), ("ambient_c", "f8"), ("ambient_s", "f8"), ("warp", "i8"), ("threshold", "f8"),
@@ -77,11 +77,13 @@ FOLLOWER = np.dtype(
         ("ahead_heading", "f8"), ("ahead_speed", "f8"), ("ahead_turn", "f8"),  # rad relative to own, m/s, rad/s
         ("left", "i8"), ("right", "i8"), ("integral", "f8"), ("ox", "f8"), ("oy", "f8"), ("oh", "f8"),
         ("crumbs", "i8"), ("trail", "f8", (CRUMBS, 2)),
+        # ground sensors: readings on white and black, and what the robot takes them for
+        ("white", "f8", (3,)), ("black", "f8", (3,)), ("knows_white", "f8", (3,)), ("knows_black", "f8", (3,)),
         # infrared: the sensors' constants, readings in counts, what ambient light leaves, robots near; last seen; last commands
         ("gain", "f8", (SENSORS,)), ("offset", "f8", (SENSORS,)), ("bias", "f8", (SENSORS,)),
         ("prox", "f8", (SENSORS,)), ("headroom", "f8", (SENSORS,)), ("near_x", "f8", (NEAR,)), ("near_y", "f8", (NEAR,)),
         ("left_reading", "f8"), ("right_reading", "f8"), ("blind", "i8"), ("sought", "f8"),
-        ("ran_left", "i8"), ("ran_right", "i8"),
+        ("ran_left", "i8"), ("ran_right", "i8"), ("seen_distance", "f8"), ("seen_bearing", "f8"),
     ],
     align=True,
 )  # fmt: skip

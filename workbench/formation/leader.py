@@ -1,29 +1,40 @@
 """The leader: a static line follower that knows nothing but its three ground sensors (requirement M2, N6).
 
 It drives at constant speed and steers in proportion to the difference of the calibrated darkness under its left and right
-sensor. When no sensor sees the line any more it turns, at the same forward speed, to the side where it saw it last.
+sensor. When no sensor sees the line any more it turns, at the same forward speed, to the side where it saw it last; after
+two seconds without a line it stops, and drives on when it sees one. What is white and black is the leader's own knowledge
+(``knows_white``, ``knows_black`` of its record), right only if it has calibrated on its own sensors.
 
-Contract: ``follow_line`` reads and writes the leader's record (its ``memory``: -1 line last seen right, +1 left).
+Contract: ``follow_line`` reads and writes the leader's record: ``memory`` -1 line last seen right, +1 left; ``timer`` control
+periods without a line.
 """
 
 from typing import Any
 
 from workbench.compiled import compiled
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import darkness
 
 GAIN = 170.0  # steps/s of each wheel per unit of darkness difference; our choice
 LOST_TURN = 250.0  # steps/s of each wheel while no sensor sees the line
+GONE = round(2.0 / CONTROL_PERIOD)  # control periods
 VISIBLE = 0.1  # darkness above which a sensor sees the line
 
 
 @compiled
 def follow_line(leader: Any, left: float, centre: float, right: float, speed: float) -> tuple[int, int]:
     """Return wheel commands in whole steps/s for three ground readings in counts and a forward speed in steps/s."""
-    dark_left, dark_centre, dark_right = darkness(left, 0), darkness(centre, 1), darkness(right, 2)
+    white, black = leader.knows_white, leader.knows_black
+    dark_left, dark_right = darkness(left, white[0], black[0]), darkness(right, white[2], black[2])
+    dark_centre = darkness(centre, white[1], black[1])
     side = dark_left - dark_right
     if max(dark_left, dark_centre, dark_right) < VISIBLE:
+        leader.timer += 1
+        if leader.timer > GONE:
+            return 0, 0
         steer = LOST_TURN * leader.memory
     else:
+        leader.timer = 0
         steer = GAIN * side
         if abs(side) > VISIBLE:
             leader.memory = 1.0 if side > 0 else -1.0

@@ -33,7 +33,7 @@ TIME_OUT = round(5.0 / CONTROL_PERIOD)  # control periods
 SEARCH_SPEED = 300  # steps/s of each wheel, opposed: 1.46 rad/s
 SEARCH_PERIODS = math.ceil(2 * math.pi / (2 * SEARCH_SPEED * STEP / TRACK) / CONTROL_PERIOD)
 DRIVE_ON_PERIODS = round(6.0 / CONTROL_PERIOD)
-_DRIVE_ON, _SWING, _HALF_SWING = 700, 350, 6  # steps/s, steps/s, control periods
+_DRIVE_ON, _SWING, _HALF_SWING = 650, 350, 6  # steps/s, steps/s, control periods
 _DEADBEAT = TRACK / 2 / CONTROL_PERIOD / STEP  # steps/s per rad: turns by a bearing in one control period
 
 

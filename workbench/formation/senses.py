@@ -70,7 +70,7 @@ def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
             left = headroom(k, c, s, task.ambient, task.ambient_c, task.ambient_s)
             raw = raw_reading(light, robot.gain[k], robot.offset[k], left, noise[k], task.ir_spread)
             robot.prox[k] = max(raw - robot.bias[k], 0.0)
-            robot.headroom[k] = left
+            robot.headroom[k] = round(left)
 
 
 @compiled

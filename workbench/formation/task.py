@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.world import World
 from workbench.formation.classical import ControlLaw
 from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.follower import TASK
@@ -21,8 +20,11 @@ from workbench.robot.inversion import inversion_table
 from workbench.robot.motors import steps_from_speed
 
 
-def fill_task(config: ConvoyConfig, steps: int, world: World, law: ControlLaw | None = None) -> NDArray[np.void]:
-    """Return the (1,) TASK record of a configuration, for runs of a number of updates in a world, or driven by a law."""
+def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -> NDArray[np.void]:
+    """Return the (1,) TASK record of a configuration, for runs of a number of updates or driven by a law.
+
+    Where the floor's raster begins (``column0``, ``row0``) is for the world to fill in.
+    """
     task = np.zeros(1, TASK)
     rows = 0
     for k, grid in enumerate(config.grids()):
@@ -46,16 +48,18 @@ def fill_task(config: ConvoyConfig, steps: int, world: World, law: ControlLaw | 
         "cutoff": learner.trace_cutoff, "buffer": learner.buffer, "schedule": SCHEDULES.index(learner.epsilon_schedule),
         "epsilon": learner.epsilon, "epsilon_final": learner.epsilon_final,
         "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
-        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "column0": world.floor.column0, "row0": world.floor.row0,
-        "wheels": world.wheels, "restart": config.reset == "restart",
+        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "wheels": config.drive == "wheels",
+        "restart": config.reset == "restart",
         "delayed": config.delay_steps > 0,
         "distance_noise": config.noise_distance_m, "bearing_noise": config.noise_bearing_rad,
         "noisy": config.noisy,
         "noise_at": 3 + config.followers, "infrared_at": 3 + config.followers * (3 if config.noisy else 1),
+        "external": -1,
         "slowest": steps_from_speed(config.wheel_speed_mps[0]), "fastest": steps_from_speed(config.wheel_speed_mps[1]),
     }  # fmt: skip
+    plain |= _sensors(config)
     if config.sensing in INFRARED:
-        plain |= _infrared(config)
+        plain |= _perception(config)
     for name, value in plain.items():
         task[name] = value
     if law is not None:
@@ -64,17 +68,23 @@ def fill_task(config: ConvoyConfig, steps: int, world: World, law: ControlLaw | 
     return task
 
 
-def _infrared(config: ConvoyConfig) -> dict[str, Any]:
-    """Return the fields of a follower that sees with its own sensors."""
+def _sensors(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of infrared sensors and of what they look at."""
     infrared = config.infrared
     radius, strength, beacon = strength_of(infrared)
-    middle, near, far, side = raw_scales(infrared, config.distance_m, config.bearing_limit_rad, FLOOR)
     return {
-        "infrared": 1, "raw": config.sensing == "ir-raw",
         "ir_radius": radius, "ir_strength": strength, "ir_beacon": beacon, "ir_reach": BEACON_RANGE if beacon else RANGE,
         "ir_spread": infrared.noise / math.sqrt(infrared.samples), "ir_age": infrared.age_s,
         "ambient": infrared.ambient_counts, "ambient_c": math.cos(infrared.ambient_direction_rad),
         "ambient_s": math.sin(infrared.ambient_direction_rad), "warp": WARPS.index(infrared.warp),
-        "threshold": config.threshold_counts, "ir_table": inversion_table(infrared),
+    }  # fmt: skip
+
+
+def _perception(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of a follower that sees with nothing but its infrared."""
+    middle, near, far, side = raw_scales(config.infrared, config.distance_m, config.bearing_limit_rad, FLOOR)
+    return {
+        "infrared": 1, "raw": config.sensing == "ir-raw", "threshold": config.threshold_counts,
+        "ir_table": inversion_table(config.infrared),
         "raw_middle": middle, "raw_near": near, "raw_far": far, "raw_side": side,
     }  # fmt: skip

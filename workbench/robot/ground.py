@@ -1,37 +1,69 @@
 """The three ground sensors: infrared reflexes from the floor, about 950 counts on white and 250 to 490 on black.
 
-Values from real e-pucks (recordings of an e-puck2's ground sensors over bars): white 930 to 965, black per sensor
-338/287/367 on the robot that is modelled here, noise about 1.5 counts (standard deviation). The response between white
-and black is taken as linear in the dark share of the sensor's spot: our assumption.
+Values from recordings of three real e-puck2 ground modules over bars (github Wii42/Robotics_Project): white 930 to 965; the
+lowest reading of each sensor, left/centre/right, is 338/287/367, 485/353/412 and 247/271/299; noise about 1.5 counts (standard
+deviation). The response between white and black is taken as linear in the dark share of the sensor's spot: our assumption.
+Places: see ``robot.geometry``, 10 mm apart.
 
->>> float(round(ground_reading(1.0, 0, 0.0)))
+A robot knows its own black and white only if it has calibrated: ``extremes`` keeps the highest and the lowest reading of a
+drive or a turn over the line.
+
+>>> float(round(ground_reading(1.0, 948.0, 338.0, 0.0)))
 338.0
+>>> darkness(338.0, 948.0, 338.0)
+1.0
 """
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 
 WHITE = (948.0, 948.0, 948.0)  # counts, left, centre, right
-BLACK = (338.0, 287.0, 367.0)  # counts
+MODULES = {  # counts on black of three real modules, named after the recording
+    "gray": (338.0, 287.0, 367.0), "perpendicular": (485.0, 353.0, 412.0), "diagonal": (247.0, 271.0, 299.0),
+}  # fmt: skip
 NOISE = 1.5  # counts, standard deviation per reading
 SPOT = 0.003  # m, radius of the floor spot that a sensor sees: our assumption
+CONTRAST = 100.0  # counts between white and black below which a calibration is worthless
 
 
 @compiled
-def ground_reading(dark: float, sensor: int, noise: float) -> float:
+def ground_reading(dark: float, white: float, black: float, noise: float) -> float:
     """Return a reading in whole counts for a dark share of the spot in [0, 1].
 
     Args:
         dark: share of the spot that is black.
-        sensor: 0 left, 1 centre, 2 right.
+        white, black: the sensor's readings on white and on black.
         noise: a standard normal number.
     """
-    counts = WHITE[sensor] + (BLACK[sensor] - WHITE[sensor]) * dark + NOISE * noise
+    counts = white + (black - white) * dark + NOISE * noise
     whole: float = round(min(max(counts, 0.0), 1023.0))
     return whole
 
 
 @compiled
-def darkness(counts: float, sensor: int) -> float:
+def darkness(counts: float, white: float, black: float) -> float:
     """Return the calibrated darkness of a reading: 0 on white, 1 on black, clipped to [0, 1]."""
-    share: float = (WHITE[sensor] - counts) / (WHITE[sensor] - BLACK[sensor])
+    share: float = (white - counts) / (white - black)
     return min(max(share, 0.0), 1.0)
+
+
+def extremes(readings: Iterable[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return white (3,) and black (3,) of a robot's own sensors from readings over both, left, centre, right.
+
+    Raises:
+        ValueError: a sensor has not seen both.
+    """
+    seen = np.array(list(readings), dtype=np.float64)
+    if seen.ndim != 2 or seen.shape[1] != 3:
+        raise ValueError(f"readings have shape {seen.shape}; expected (n, 3): left, centre, right")
+    white, black = seen.max(axis=0), seen.min(axis=0)
+    if np.any(white - black < CONTRAST):
+        raise ValueError(
+            f"readings range from {black.tolist()} to {white.tolist()}; expected at least {CONTRAST:g} counts of contrast under "
+            "every sensor: turn the robot on the spot over the line while it reads"
+        )
+    return white, black

@@ -15,7 +15,7 @@ gctronic/e-puck-library: sensor pairs (0,4) (1,5) (2,6) (3,7) in turn, 3.967 ms 
 Reflectances of shell, cup and tape, the beacon and ambient light are nobody's measurement: assumptions, see TARGETS.
 
 >>> [round(v) for v in front_pair(0.105, 0.0, InfraredConfig())]
-[56, 56]
+[85, 85]
 
 Contract: compiled functions write nothing; lengths in m, angles in rad (left positive), readings in counts. ps0 … ps7 run
 clockwise from right front to left front.

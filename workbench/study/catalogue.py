@@ -12,8 +12,10 @@ from typing import Any
 
 from workbench import fields
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import SETTINGS, TILINGS, ConvoyConfig
+from workbench.formation.config import INFRARED, SETTINGS, TILINGS, ConvoyConfig
 from workbench.learning.config import PRESETS, RULES, LearnerConfig
+from workbench.robot.infrared import InfraredConfig
+from workbench.study.infrared_trials import measure_infrared
 from workbench.study.motion_trials import measure_motion, measure_rival, measure_stability
 from workbench.study.trials import CONTROLLERS, Trial, measure, measure_sections, measure_widely
 
@@ -192,6 +194,39 @@ def _rivals() -> Sequence[Case]:
     return cases
 
 
+def _infrared() -> Sequence[Case]:
+    sizes = {"9×9 states, 7×7 actions": ((9, 9), (7, 7)), "5×5 states, 3×3 actions": ((5, 5), (3, 3))}
+    base = replace(SETTINGS["infrared"], drive="wheels")
+    cases: list[Case] = []
+    for route in INFRARED:
+        for name, (states, actions) in sizes.items():
+            config = replace(base, sensing=route, state_tiles=states, action_levels=actions)
+            cases.append(({"route": route, "table": name}, config))
+    return cases
+
+
+def _infrared_world() -> Sequence[Case]:
+    cases: list[Case] = []
+    for route in INFRARED:
+        base = replace(SETTINGS["infrared"], drive="planar", sensing=route)
+        worlds = {"as assumed": base, "linear tiles": replace(base, distance_tiling="uniform", bearing_tiling="uniform")}
+        if route == "ir-raw":
+            worlds |= {f"{warp} distortion": _seen(base, warp=warp) for warp in ("logarithmic", "offset", "saturating")}
+        worlds |= {
+            "matched sensors": _seen(base, gain_spread=0.0), "gain spread 30 %": _seen(base, gain_spread=0.3),
+            "noise × 2": _seen(base, noise=2.0), "offsets not calibrated": _seen(base, calibrated=False),
+            "bare shell, to 120 mm": replace(_seen(base, target="shell"), distance_m=(0.08, 0.12)),
+            "light from one side": _seen(base, ambient_counts=3000.0), "blinding light": _seen(base, ambient_counts=4000.0),
+            "active beacon": _seen(base, target="beacon"),
+        }  # fmt: skip
+        cases += [({"route": route, "world": world}, config) for world, config in worlds.items()]
+    return cases
+
+
+def _seen(config: ConvoyConfig, **changes: float | str | bool) -> ConvoyConfig:
+    return replace(config, infrared=fields.from_dict(InfraredConfig, fields.to_dict(config.infrared) | changes))
+
+
 STUDIES = {
     study.name: study
     for study in (
@@ -215,5 +250,21 @@ STUDIES = {
         ),
         Study("controllers", "How does the learner compare with classical control (E10)?", _controllers, measure_motion),
         Study("rivals", "What do other linear learners do in its place?", _rivals, measure_rival, minutes=10.0, seeds=30),
+        Study(
+            "infrared",
+            "Do followers learn with two infrared sensors alone, on both routes?",
+            _infrared,
+            measure_infrared,
+            300_000,
+            10.0,
+        ),
+        Study(
+            "infrared-world",
+            "What do targets, mismatch, light and distortion change for infrared?",
+            _infrared_world,
+            measure_infrared,
+            200_000,
+            4.0,
+        ),
     )
 }

@@ -22,7 +22,14 @@ from workbench.study.sweeps import Failed, sweep
 from workbench.study.trials import Trial
 
 FOLDER = paths.DATA / "studies"
-_TRIAL_SOURCES = ("study/trials.py", "study/motion_trials.py", "study/motion.py", "study/judder.py", "study/smoothness.py")
+_TRIAL_SOURCES = (
+    "study/trials.py",
+    "study/motion_trials.py",
+    "study/motion.py",
+    "study/judder.py",
+    "study/smoothness.py",
+    "study/infrared_trials.py",
+)
 DENSE_UPDATE_S = 24e-6  # one update of 81 × 49 weights, textbook NumPy on a desktop computer; measured, see the notebooks
 
 

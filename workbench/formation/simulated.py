@@ -1,0 +1,162 @@
+"""A simulated e-puck behind the robot API: one robot of a convoy, while the others do what they always do.
+
+    with SimulatedRobot(ConvoyConfig(followers=1)) as robot: ...
+
+The robot stands in its place of the convoy, driven by nobody but the program. ``step`` lets 0.1 s of physics pass, as fast as it
+goes. Robots in front follow the line or their predecessor; the leader itself (``robot=0``) can be driven too.
+
+>>> with SimulatedRobot(ConvoyConfig(followers=1, drive="planar", leader_speed_mps=0.05)) as robot:
+...     robot.enable("proximity", "motor_position")
+...     for _ in range(11):
+...         _ = robot.step()
+...         robot.set_motors_speed(300, 300)
+>>> robot.get_motor_position()
+(303.0, 303.0)
+
+Contract: equal configuration and seed give equal readings for equal commands. ``convoy`` is open to every use; the robot's
+readings are those that a follower of a compiled convoy would have, bit for bit.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arena.floor import floor_darkness
+from workbench.compiled import compiled
+from workbench.formation.classical import CarrotPI, ControlLaw, Controller
+from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.convoy import Convoy, own_chance
+from workbench.formation.policy import Policy
+from workbench.formation.senses import sense_proximity
+from workbench.robot.api import SENSORS, Robot
+from workbench.robot.geometry import CONTROL_PERIOD, GROUND_SENSOR_X, GROUND_SENSOR_Y
+from workbench.robot.ground import ground_reading
+from workbench.robot.infrared import SENSORS as RING_SENSORS
+from workbench.robot.infrared import calibrate
+from workbench.robot.motors import motor_speed
+
+
+@compiled
+def _sense(task: Any, robots: Any, i: int, noise: Any) -> None:
+    sense_proximity(task[0], robots, i, noise)
+
+
+class SimulatedRobot(Robot):
+    """An e-puck in a simulated convoy.
+
+    Args:
+        config: the convoy; its seed too.
+        debug: print every command.
+        robot: which robot is driven; 0 is the leader.
+        others: what the other followers follow, a policy or a classical law; default a carrot.
+        realtime: whether a step takes as long as it simulates.
+    """
+
+    capabilities = frozenset(SENSORS) - {"microphone"} | {"drive", "calibrate", "led", "body_led", "front_led", "observe"}
+
+    def __init__(
+        self,
+        config: ConvoyConfig | None = None,
+        debug: bool = False,
+        *,
+        robot: int = 1,
+        others: Controller | None = None,
+        realtime: bool = False,
+    ) -> None:
+        super().__init__(period_s=CONTROL_PERIOD if realtime else 0.0, watchdog_s=None, debug=debug)
+        self.config = config if config is not None else ConvoyConfig(followers=1)
+        if not 0 <= robot <= self.config.followers:
+            raise ValueError(f"robot = {robot!r}; this convoy has robots 0 (the leader) to {self.config.followers}")
+        self.robot, self._others = robot, others
+        self.lights: dict[str, tuple[int, ...]] = {}
+
+    def _open(self) -> None:
+        config = self.config
+        alone = config.followers == 1 and self.robot == 1
+        others = self._others if self._others is not None or alone else CarrotPI()
+        law = others if isinstance(others, ControlLaw) else None
+        theta = others.theta if isinstance(others, Policy) else None
+        self.convoy = Convoy(config, [config.seed], periods=10**12, law=law, policy=theta, external=self.robot, threads=1)
+        self._time, self._started = 0, False
+        self._steps = np.zeros(2)
+        self._own = own_chance(config.seed, self.robot)
+        self.convoy._robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
+
+    def _close(self) -> None:
+        self._started = False
+
+    def _drive(self, left: int, right: int) -> None:
+        if self.debug:
+            print("→ D", left, right)
+        self.convoy.world.command(0, self.robot, left, right)
+        record = self.convoy._robots[0, self.robot]
+        record["ran_left"], record["ran_right"] = left, right
+
+    def _pass_time(self) -> None:
+        if self._started:
+            self.convoy.world.step()
+            self._steps += [motor_speed(speed) * CONTROL_PERIOD for speed in self._speed]
+            self._time += 1
+
+    def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
+        convoy, me = self.convoy, self.robot
+        self.record: NDArray[np.void] = convoy.period(self._time)[0]
+        self._started = True
+        robots = convoy._robots[0]
+        if self.config.sensing not in INFRARED or me == 0:
+            _sense(convoy._task, robots, me, self._own.standard_normal(RING_SENSORS))
+        record = robots[me]
+        found: dict[str, tuple[float, ...]] = {"observe": (float(record["seen_distance"]), float(record["seen_bearing"]))}
+        if "proximity" in sensors:
+            found["proximity"] = tuple(record["prox"].tolist())
+        if "light" in sensors:
+            found["light"] = tuple(record["headroom"].tolist())
+        if "floor" in sensors:
+            found["floor"] = self._floor(record)
+        speeds = {
+            "motor_speed": (float(self._speed[0]), float(self._speed[1])),
+            "motor_position": tuple(float(int(count)) for count in self._steps),
+            "accelerometer": (0.0, 0.0, 800.0), "selector": (10.0,), "battery": (1.0,),
+        }  # fmt: skip
+        return found | {sensor: speeds[sensor] for sensor in sensors if sensor in speeds}
+
+    def _floor(self, record: Any) -> tuple[float, ...]:
+        floor, readings = self.convoy.world.floor, []
+        for k, noise in enumerate(self._own.standard_normal(3)):
+            x = record["x"] + record["c"] * GROUND_SENSOR_X - record["s"] * GROUND_SENSOR_Y[k]
+            y = record["y"] + record["s"] * GROUND_SENSOR_X + record["c"] * GROUND_SENSOR_Y[k]
+            dark = floor_darkness(floor.raster[0], floor.column0, floor.row0, x, y)
+            readings.append(float(ground_reading(dark, record["white"][k], record["black"][k], noise)))
+        return tuple(readings)
+
+    def _set_device(self, device: str, values: tuple[int, ...]) -> None:
+        if device == "motor_position":
+            self._steps[:] = values
+        elif device == "calibrate":
+            record = self.convoy._robots[0, self.robot]
+            record["bias"] = calibrate(own_chance(self.config.seed, self.robot, "bias"), self.config.infrared, record["offset"])
+        else:
+            self.lights[device] = values
+
+    def _count_on(self, wire: tuple[float, ...]) -> tuple[float, ...]:
+        return wire  # nothing wraps here
+
+    def _reset(self) -> None:
+        self._open()
+
+    def _version(self) -> str:
+        return f"simulated e-puck {self.robot} of {self.config.followers + 1}, sensing {self.config.sensing}"
+
+    def pose(self) -> tuple[float, float, float]:
+        """Return the robot's true x, y in m and heading in rad."""
+        return self.convoy.world.pose(0, self.robot)
+
+    def true_errors(self) -> tuple[float, float]:
+        """Return the true distance in m and bearing in rad of the robot in front, for judging only."""
+        x, y, heading = self.pose()
+        ahead_x, ahead_y, _ = self.convoy.world.pose(0, self.robot - 1)
+        angle = math.atan2(ahead_y - y, ahead_x - x) - heading
+        return math.dist((x, y), (ahead_x, ahead_y)), math.remainder(angle, 2 * math.pi)

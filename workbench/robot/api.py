@@ -1,0 +1,406 @@
+"""One robot API for simulated, real and recorded e-pucks, in the words of pyePuck and ePuckVRep.
+
+A control program reads, decides and drives, whatever is at the other end:
+
+    with open_robot("sim:") as robot:  # "serial:/dev/ttyS0", "tcp:192.168.1.20:1000", "log:recording.csv"
+        robot.enable("proximity")
+        for _ in range(100):
+            robot.step()  # lets one control period pass, then reads what is enabled
+            robot.set_motors_speed(*decide(robot.get_proximity()))  # takes effect at once
+        robot.stop()
+
+``step`` keeps the pace: the first call reads at once, every later one waits until a period after the last. A call that comes late
+is counted (``missed_deadlines``, ``worst_latency_s``) and starts a new period. A program that learns does so between
+``set_motors_speed`` and ``step``, while the command runs.
+
+A robot never runs away. It is stopped when a connection opens, when a ``with`` block ends, for whatever reason, on a faulty
+reply, and by a watchdog when a moving robot has heard nothing for ``watchdog_s``. Where the link is lost nothing can stop it:
+the error says so, and stop is the first thing sent when it is connected again.
+
+Units: speeds in motor steps/s, positions in motor steps (counted on beyond the wire's 16 bits), readings in counts. Sensor
+order: see ``robot.infrared``; ground sensors left, centre, right.
+
+Contract: one program thread per robot; the watchdog takes the same lock. ``capabilities`` says what a back-end can do, everything
+else raises NotSupported. Errors of the link are RobotErrors, no others.
+"""
+
+import threading
+import time
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Self
+
+from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, NotConnected, NotSupported, RobotError
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.motors import MAX_STEPS
+from workbench.robot.watchdog import Watchdog
+
+SENSORS = (
+    "proximity", "light", "floor", "motor_speed", "motor_position", "accelerometer", "selector", "battery", "microphone",
+)  # fmt: skip
+DEVICES = ("drive", "motor_position", "calibrate", "led", "body_led", "front_led", "raw", "observe")
+WRAP = 1 << 16
+WATCHDOG_S = 0.5  # s without a word from the program after which a moving robot is stopped
+
+
+class Robot(ABC):
+    """What all back-ends have in common. A back-end fills in the methods with an underscore.
+
+    Args:
+        period_s: wall-clock seconds between two steps, 0 for as fast as it goes.
+        watchdog_s: seconds after which the watchdog stops a moving robot, None for no watchdog.
+        debug: print every exchange.
+
+    Attributes:
+        capabilities: words of SENSORS and DEVICES.
+        missed_deadlines, worst_latency_s: steps that began late, and the longest delay.
+        watchdog_stops: how often the watchdog had to stop the robot.
+    """
+
+    capabilities: frozenset[str] = frozenset()
+    most_steps = MAX_STEPS
+
+    def __init__(self, *, period_s: float = CONTROL_PERIOD, watchdog_s: float | None = WATCHDOG_S, debug: bool = False) -> None:
+        if not 0 <= period_s <= 10:
+            raise ValueError(f"period_s = {period_s!r}; expected 0 to 10 s")
+        self.period_s, self.watchdog_s, self.debug = period_s, watchdog_s, debug
+        self.missed_deadlines, self.worst_latency_s, self.watchdog_stops = 0, 0.0, 0
+        self._enabled: list[str] = []
+        self._read: dict[str, tuple[float, ...]] = {}
+        self._speed = (0, 0)
+        self._connected = False
+        self._last_step: float | None = None
+        self._heard = 0.0
+        self._lock = threading.RLock()
+        self._watchdog = Watchdog(self._stop_silent, None if watchdog_s is None else watchdog_s / 5)
+        self._counted: tuple[int, int] | None = None  # motor positions without wrapping
+
+    # what a back-end provides
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open the link and stop the robot, before anything else is sent."""
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Close the link; never raises."""
+
+    @abstractmethod
+    def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
+        """Read sensors, each as plain numbers."""
+
+    @abstractmethod
+    def _drive(self, left: int, right: int) -> None:
+        """Send wheel speeds."""
+
+    def _pass_time(self) -> None:  # noqa: B027  (optional)
+        """Let a control period pass that is not wall-clock time."""
+
+    # connecting
+
+    def connect(self) -> bool:
+        """Open the link; the robot is stopped first. Returns True, as pyePuck does."""
+        with self._lock:
+            if not self._connected:
+                self._open()
+                self._connected, self._speed, self._last_step, self._counted = True, (0, 0), None, None
+                self._read = {}
+                self._heard = time.monotonic()
+        return True
+
+    def disconnect(self) -> None:
+        """Stop the robot and close the link. Does nothing if there is none."""
+        self._watchdog.end()
+        with self._lock:
+            if self._connected:
+                try:
+                    if "drive" in self.capabilities:
+                        self._drive(0, 0)
+                except RobotError as error:
+                    warnings.warn(f"stop could not be sent on closing: {error}; the robot may still be moving", stacklevel=2)
+                finally:
+                    self._connected, self._speed = False, (0, 0)
+                    self._close()
+
+    def close(self) -> None:
+        """Same as ``disconnect``."""
+        self.disconnect()
+
+    def is_connected(self) -> bool:
+        """Return whether the link is open."""
+        return self._connected
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.disconnect()
+
+    # sensors
+
+    def enable(self, *sensors: str) -> None:
+        """Read these sensors at every step; words of SENSORS."""
+        for sensor in sensors:
+            self._check_sensor(sensor)
+            if sensor not in self._enabled:
+                self._enabled.append(sensor)
+
+    def disable(self, *sensors: str) -> None:
+        """Read these sensors no more."""
+        for sensor in sensors:
+            if sensor in self._enabled:
+                self._enabled.remove(sensor)
+            self._read.pop(sensor, None)
+
+    def get_sensors_enabled(self) -> list[str]:
+        """Return the names of the enabled sensors."""
+        return list(self._enabled)
+
+    def step(self) -> bool:
+        """Let one control period pass and read all enabled sensors; the first call reads at once. Returns True.
+
+        Raises:
+            LinkTimeout, BadReply: twice in a row no usable reply; stop has been sent.
+            LinkLost: the link is gone; the robot may still be moving.
+        """
+        self._require()
+        now = time.monotonic()
+        if self._last_step is None:
+            self._last_step = now
+        else:
+            due = self._last_step + self.period_s
+            if self.period_s and now > due + 1e-4:
+                self.missed_deadlines += 1
+                self.worst_latency_s = max(self.worst_latency_s, now - due)
+                due = now
+            elif now < due:
+                time.sleep(due - now)
+            self._pass_time()
+            self._last_step = due if self.period_s else time.monotonic()
+        self._heard = time.monotonic()
+        with self._lock:
+            self._read |= self._guarded(self._enabled)
+        self._heard = time.monotonic()
+        return True
+
+    def get_proximity(self) -> tuple[float, ...]:
+        """Return ps0 … ps7 in counts, near is large; calibrated if the robot has been."""
+        return self._latest("proximity")
+
+    def get_light_sensor(self) -> tuple[float, ...]:
+        """Return the ambient reading of the same eight sensors: about 4000 counts in the dark, falling with light."""
+        return self._latest("light")
+
+    def get_floor_sensors(self) -> tuple[float, ...]:
+        """Return the three ground sensors, left, centre, right, in counts."""
+        return self._latest("floor")
+
+    def get_motor_speed(self) -> tuple[float, ...]:
+        """Return the commanded wheel speeds in steps/s, as the firmware echoes them; nobody measures."""
+        return self._latest("motor_speed")
+
+    def get_motor_position(self) -> tuple[float, ...]:
+        """Return the wheels' step counters, counted on where the wire's 16 bits wrap."""
+        return self._latest("motor_position")
+
+    def get_accelerometer(self) -> tuple[float, ...]:
+        """Return the raw x, y, z of the accelerometer."""
+        return self._latest("accelerometer")
+
+    def get_microphone(self) -> tuple[float, ...]:
+        """Return the microphones' volumes."""
+        return self._latest("microphone")
+
+    def get_selector(self) -> tuple[float, ...]:
+        """Return the position of the selector switch."""
+        return self._latest("selector")
+
+    def get_battery(self) -> tuple[float, ...]:
+        """Return the battery: 1 good, 0 low (e-puck1), raw counts (e-puck2)."""
+        return self._latest("battery")
+
+    # acting
+
+    def set_motors_speed(self, left: int, right: int) -> None:
+        """Set the wheel speeds in whole steps/s, at once.
+
+        Raises:
+            ValueError: not whole, or beyond the motors' limit.
+        """
+        speeds = []
+        for name, value in (("left", left), ("right", right)):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or value != int(value if value == value else 0):
+                raise ValueError(f"{name} = {value!r}; expected a whole number of motor steps/s")
+            if abs(value) > self.most_steps:
+                raise ValueError(f"{name} = {value!r}; expected -{self.most_steps} to {self.most_steps} steps/s")
+            speeds.append(int(value))
+        self._require("drive")
+        self._heard = time.monotonic()
+        with self._lock:
+            self._speed = (speeds[0], speeds[1])
+            self._protected(lambda: self._drive(*self._speed))
+        if any(self._speed):
+            self._watchdog.start()
+
+    def stop(self) -> None:
+        """Stop both wheels."""
+        self.set_motors_speed(0, 0)
+
+    def set_motor_position(self, left: int, right: int) -> None:
+        """Set the wheels' step counters."""
+        self._device("motor_position", left, right)
+        self._counted = None
+
+    def set_led(self, led: int, value: int) -> None:
+        """Set one of the eight ring lights: 0 off, 1 on, 2 toggle; another number than 0 to 7 sets all."""
+        self._device("led", led, value)
+
+    def set_body_led(self, value: int) -> None:
+        """Set the body light."""
+        self._device("body_led", value)
+
+    def set_front_led(self, value: int) -> None:
+        """Set the front light."""
+        self._device("front_led", value)
+
+    def calibrate_proximity_sensors(self) -> None:
+        """Take the mean of 100 readings as every sensor's zero. Nothing may stand near the robot."""
+        self._device("calibrate")
+
+    def observe(self) -> tuple[float, float]:
+        """Return distance in m and bearing in rad of the robot in front, as an overhead camera tells them."""
+        self._require("observe")
+        distance, bearing = self._latest("observe")
+        return distance, bearing
+
+    def get_sercom_version(self) -> str:
+        """Return what the robot says it is."""
+        self._require()
+        return self._version()
+
+    def reset(self) -> None:
+        """Restart the robot's program; speeds are zero afterwards."""
+        self._require()
+        with self._lock:
+            self._protected(self._reset)
+            self._speed, self._last_step, self._counted, self._read = (0, 0), None, None, {}
+
+    def send_and_receive(self, message: str) -> str:
+        """Send a raw command and return the reply, where the protocol has such."""
+        self._require("raw")
+        with self._lock:
+            answer: str = self._protected(lambda: self._raw(message))
+            return answer
+
+    def set_debug(self, debug: bool) -> None:
+        """Print every exchange, or no longer."""
+        self.debug = debug
+
+    # the rest is common machinery
+
+    def _version(self) -> str:
+        return type(self).__name__
+
+    def _reset(self) -> None:
+        self._drive(0, 0)
+
+    def _raw(self, message: str) -> str:
+        raise NotSupported(message)
+
+    def _set_device(self, device: str, values: tuple[int, ...]) -> None:
+        raise NotSupported(device)
+
+    def _device(self, device: str, *values: int) -> None:
+        self._require(device)
+        with self._lock:
+            self._protected(lambda: self._set_device(device, values))
+        self._heard = time.monotonic()
+
+    def _check_sensor(self, sensor: str) -> None:
+        able = [name for name in SENSORS if name in self.capabilities]
+        if sensor not in SENSORS:
+            raise ValueError(f"unknown sensor {sensor!r}; {type(self).__name__} has {', '.join(able)}")
+        if sensor not in able:
+            raise NotSupported(f"{type(self).__name__} has no {sensor!r}; it has {', '.join(able)}")
+
+    def _require(self, capability: str | None = None) -> None:
+        if capability is not None and capability not in self.capabilities:
+            raise NotSupported(f"{type(self).__name__} cannot {capability!r}; it can {', '.join(sorted(self.capabilities))}")
+        if not self._connected:
+            raise NotConnected(f"{type(self).__name__} is not connected; call connect(), or use it in a with block")
+
+    def _latest(self, sensor: str) -> tuple[float, ...]:
+        if sensor in self._read:
+            return self._read[sensor]
+        if sensor in SENSORS:
+            self._check_sensor(sensor)
+            if sensor not in self._enabled:
+                raise ValueError(f"{sensor!r} is not enabled; call enable({sensor!r}) and step() first")
+        raise ValueError(f"{sensor!r} has not been read yet; call step() first")
+
+    def _guarded(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
+        """Read, once more if the first reply was no good; stop the robot if the second was not either."""
+        try:
+            found = self._exchange(sensors)
+        except (LinkTimeout, BadReply):
+            found = self._protected(lambda: self._exchange(sensors))
+        except LinkLost:
+            self._lost()
+            raise
+        if "motor_position" in found:
+            found["motor_position"] = self._count_on(found["motor_position"])
+        return found
+
+    def _protected(self, operation: Any) -> Any:
+        """Run an exchange; on a fault send stop where the channel is alive."""
+        try:
+            return operation()
+        except (LinkTimeout, BadReply) as error:
+            try:
+                if "drive" in self.capabilities:
+                    self._drive(0, 0)
+                self._speed = (0, 0)
+                error.add_note("stop has been sent")
+            except RobotError:
+                self._lost()
+                error.add_note("stop could not be sent: the robot may still be moving; stop is the first thing sent on reconnect")
+            raise
+        except LinkLost as error:
+            self._lost()
+            error.add_note("the robot may still be moving; stop is the first thing sent on reconnect")
+            raise
+
+    def _lost(self) -> None:
+        self._connected, self._speed = False, (0, 0)
+        self._close()
+
+    def _count_on(self, wire: tuple[float, ...]) -> tuple[float, ...]:
+        left, right = (int(value) for value in wire)
+        if self._counted is None:
+            self._counted = (left, right)
+        else:
+            a, b = self._counted
+            half = WRAP // 2
+            self._counted = (a + (left - a + half) % WRAP - half, b + (right - b + half) % WRAP - half)
+        return (float(self._counted[0]), float(self._counted[1]))
+
+    def _stop_silent(self) -> None:
+        """Stop a moving robot whose program has said nothing for too long (the watchdog's thread)."""
+        if not self._silent():
+            return
+        with self._lock:
+            if not self._silent() or not self._connected:
+                return
+            self.watchdog_stops += 1
+            self._speed = (0, 0)
+            try:
+                self._drive(0, 0)
+            except RobotError:
+                self._lost()
+
+    def _silent(self) -> bool:
+        assert self.watchdog_s is not None
+        return any(self._speed) and time.monotonic() - self._heard > self.watchdog_s

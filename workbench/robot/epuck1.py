@@ -1,0 +1,200 @@
+"""A real e-puck1 over its serial line, in SerCom (``robot.sercom``), ASCII or binary.
+
+    with SerComRobot("/dev/rfcomm0") as robot: ...
+    with SerComRobot("/dev/ttyS0", variant="overo", binary=True) as robot: ...
+
+Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop. Before every request,
+what came too late for the last one is dropped. On the Overo the ground sensors are on a bus of Linux and not here.
+
+Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (4 s) and reset (2 s).
+"""
+
+from collections.abc import Sequence
+
+from workbench.robot.api import WATCHDOG_S, Robot
+from workbench.robot.faults import BadReply, LinkTimeout, RobotError
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.links import SerialLink
+from workbench.robot.sercom import (
+    READS,
+    VARIANTS,
+    ascii_numbers,
+    ascii_request,
+    binary_numbers,
+    binary_request,
+    check_counts,
+)
+
+CALIBRATION_S, RESET_S, QUIET_S = 4.0, 2.0, 0.05
+
+
+class SerComRobot(Robot):
+    """An e-puck1.
+
+    Args:
+        address: serial port.
+        debug: print every exchange.
+        variant: one of ``sercom.VARIANTS``.
+        binary: use the binary protocol for sensors and speeds.
+        baud: default: the variant's.
+        timeout_s: for one reply.
+        period_s, watchdog_s: see Robot.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        debug: bool = False,
+        *,
+        variant: str = "epuck1",
+        binary: bool = False,
+        baud: int | None = None,
+        timeout_s: float = 0.25,
+        period_s: float = CONTROL_PERIOD,
+        watchdog_s: float | None = WATCHDOG_S,
+    ) -> None:
+        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug)
+        if variant not in VARIANTS:
+            raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
+        self.address, self.variant, self.binary = address, VARIANTS[variant], binary
+        self.baud, self.timeout_s = baud or self.variant.baud, timeout_s
+        able = {"proximity", "light", "motor_speed", "motor_position", "accelerometer", "selector", "battery"}
+        able |= {"drive", "calibrate", "led", "raw", "microphone"}
+        able |= {"floor"} if self.variant.floor_ascii else set()
+        able |= {"body_led", "front_led"} if self.variant.lights else set()
+        self.capabilities = frozenset(able)
+        self._link: SerialLink | None = None
+
+    def _open(self) -> None:
+        self._link = SerialLink(self.address, self.baud, timeout_s=self.timeout_s)
+        try:
+            self._link.write(b"\x00" + ascii_request("D", 0, 0))
+            self._link.write(b"\r")
+            self._settle()
+            try:
+                self._ask("D", 0, 0, counts=(0,))
+            except (LinkTimeout, BadReply):  # a line that was noise while the port opened
+                self._settle()
+                self._ask("D", 0, 0, counts=(0,))
+        except RobotError:
+            self._close()
+            raise
+
+    def _close(self) -> None:
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def _settle(self) -> None:
+        """Read until the line is quiet."""
+        link = self._channel()
+        try:
+            for _ in range(20):
+                link.read_line(QUIET_S)
+        except (LinkTimeout, BadReply):
+            pass  # quiet, or a half line
+        link.drain()
+
+    def _channel(self) -> SerialLink:
+        if self._link is None:
+            raise LinkTimeout("the serial port is closed")
+        return self._link
+
+    def _say(self, data: bytes) -> SerialLink:
+        link = self._channel()
+        link.drain()
+        if self.debug:
+            print("→", data)
+        link.write(data)
+        return link
+
+    def _ask(self, letter: str, *numbers: int, counts: tuple[int, ...], reply: str | None = None) -> tuple[int, ...]:
+        link = self._say(ascii_request(letter, *numbers))
+        line = link.read_line()
+        if self.debug:
+            print("←", line)
+        return ascii_numbers(line, reply or letter.lower(), counts)
+
+    def _drive(self, left: int, right: int) -> None:
+        if self.binary:  # no reply
+            self._say(binary_request(("D", left, right)))
+        else:
+            self._ask("D", left, right, counts=(0,))
+
+    def _count(self, sensor: str, *, binary: bool) -> tuple[int, ...]:
+        if sensor in ("proximity", "light"):
+            return (self.variant.infrared,)
+        if sensor == "floor":
+            return (self.variant.floor_binary if binary else self.variant.floor_ascii,)
+        return (3,) if sensor == "accelerometer" else (2,)
+
+    def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
+        found: dict[str, tuple[float, ...]] = {}
+        chained = [sensor for sensor in sensors if sensor in READS] if self.binary else []
+        if chained:
+            link = self._say(binary_request(*((READS[sensor][0],) for sensor in chained)))
+            sizes = [2 * self._count(sensor, binary=True)[0] for sensor in chained]
+            data = link.read(sum(sizes))
+            for sensor, size in zip(chained, sizes, strict=True):
+                found[sensor] = self._accept(sensor, binary_numbers(data[:size], READS[sensor][2]))
+                data = data[size:]
+        for sensor in sensors:
+            if sensor not in found:
+                found[sensor] = self._read_one(sensor)
+        return found
+
+    def _read_one(self, sensor: str) -> tuple[float, ...]:
+        if sensor in READS:
+            letter = READS[sensor][0]
+            if sensor == "accelerometer":
+                letter = "A"
+            return self._accept(sensor, self._ask(letter, counts=self._count(sensor, binary=False)))
+        if sensor == "selector":
+            return self._accept(sensor, self._ask("C", counts=(1,)))
+        if sensor == "battery":
+            return self._accept(sensor, self._ask("b", counts=(1,)))
+        return self._accept(sensor, self._ask("U", counts=(3,)))
+
+    def _accept(self, sensor: str, values: tuple[int, ...]) -> tuple[float, ...]:
+        if sensor in ("proximity", "light"):
+            return check_counts(sensor, values)[:8]
+        if sensor == "floor":
+            return check_counts(sensor, values)[:3]
+        return tuple(float(value) for value in values)
+
+    def _set_device(self, device: str, values: tuple[int, ...]) -> None:
+        if device == "motor_position":
+            self._ask("P", *values, counts=(0,))
+        elif device == "led":
+            self._ask("L", *values, counts=(0,))
+        elif device == "body_led":
+            self._ask("B", *values, counts=(0,))
+        elif device == "front_led":
+            self._ask("F", *values, counts=(0,))
+        else:
+            link = self._say(ascii_request("K"))
+            for _ in range(2):  # it has started; it has finished
+                line = link.read_line(CALIBRATION_S)
+                if not line.startswith(b"k"):
+                    raise BadReply(f"expected 'k,…' of a calibration, got {line[:60]!r}")
+
+    def _version(self) -> str:
+        with self._lock:
+            return str(self._protected(lambda: self._raw("V")))
+
+    def _reset(self) -> None:
+        self._drive(0, 0)
+        link = self._say(ascii_request("R"))
+        while b"WELCOME" not in link.read_line(RESET_S):
+            pass
+        self._settle()
+
+    def _raw(self, message: str) -> str:
+        link = self._say(message.encode("ascii") + b"\r")
+        lines = [link.read_line()]
+        try:
+            while len(lines) < 20:
+                lines.append(link.read_line(QUIET_S))
+        except LinkTimeout:
+            pass  # that was all
+        return "\n".join(line.decode("ascii", "replace") for line in lines)
