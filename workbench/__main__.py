@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--out", help="folder of the table (default data/studies/)")
 
     validate = verbs.add_parser("validate", help="compare with recordings of real robots (WORKBENCH_RECORDINGS)")
-    validate.add_argument("what", help="drive")
+    validate.add_argument("what", help="drive (wheels against set-points) or infrared (proximity and ground sensors)")
     validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
 
     figures = verbs.add_parser("figures", help="run the experiment and all notebooks; regenerate figures/")
@@ -181,11 +181,16 @@ def _same_sources(client: Any) -> None:
 
 
 def _validate(flags: argparse.Namespace) -> dict[str, Any]:
-    if flags.what != "drive":
-        raise ValueError(f"validate {flags.what!r}; expected drive")
-    from workbench.study.validation import validate_drive
+    out = Path(flags.out) if flags.out else None
+    if flags.what == "drive":
+        from workbench.study.validation import validate_drive
 
-    return validate_drive(out=Path(flags.out) if flags.out else None)
+        return validate_drive(out=out)
+    if flags.what == "infrared":
+        from workbench.study.infrared_validation import validate_infrared
+
+        return validate_infrared(out=out)
+    raise ValueError(f"validate {flags.what!r}; expected drive or infrared")
 
 
 def _figures(flags: argparse.Namespace) -> dict[str, Any]:

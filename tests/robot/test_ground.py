@@ -30,7 +30,7 @@ def test_readings_are_whole_clipped_and_as_noisy_as_stated():
 
 
 def test_a_calibration_over_the_line_finds_each_sensors_own_black_and_white():
-    white, black = np.array(WHITE), np.array(MODULES["perpendicular"])
+    white, black = np.array(WHITE), np.array(MODULES["b"])
     readings = [white + (black - white) * share for share in (0.0, 0.3, 1.0, 0.6)]
     found_white, found_black = extremes(readings)
     np.testing.assert_array_equal(found_white, white)

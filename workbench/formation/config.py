@@ -56,9 +56,9 @@ class ConvoyConfig:
         1.0, 1000.0, "counts", "infrared readings below it do not count as seen; 12 are five standard deviations", default=12.0
     )
     track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())
-    ground: str = choice(tuple(MODULES), "whose measured ground sensors the leader has", default="gray")
+    ground: str = choice(tuple(MODULES), "which measured ground sensors the leader has", default="a")
     ground_calibrated: bool = flag(
-        "whether the leader has learned black and white from its own sensors; otherwise it takes them for those of 'gray'",
+        "whether the leader has learned black and white from its own sensors; otherwise it takes them for those of module a",
         default=True,
     )
     leader_speed_mps: float = real(0.005, 0.12, "m/s", "constant speed of the leader", default=0.06)

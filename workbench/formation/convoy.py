@@ -111,7 +111,7 @@ class Convoy:
         self._robots["memory"] = self._first_memory
         black = MODULES[config.ground]
         self._robots["white"] = self._robots["knows_white"] = WHITE
-        self._robots["black"], self._robots["knows_black"] = black, black if config.ground_calibrated else MODULES["gray"]
+        self._robots["black"], self._robots["knows_black"] = black, black if config.ground_calibrated else MODULES["a"]
         if self.weights.shape[1] > 1:
             self._robots["table"][:, 1:] = np.arange(n)
         if steps:

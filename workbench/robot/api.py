@@ -359,14 +359,15 @@ class Robot(ABC):
         try:
             return operation()
         except (LinkTimeout, BadReply) as error:
+            self._speed = (0, 0)
             try:
                 if "drive" in self.capabilities:
                     self._drive(0, 0)
-                self._speed = (0, 0)
                 error.add_note("stop has been sent")
-            except RobotError:
+            except RobotError as second:
+                sent = "was not confirmed" if isinstance(second, (LinkTimeout, BadReply)) else "could not be sent"
+                error.add_note(f"stop {sent}: the robot may still be moving; stop is the first thing sent on reconnect")
                 self._lost()
-                error.add_note("stop could not be sent: the robot may still be moving; stop is the first thing sent on reconnect")
             raise
         except LinkLost as error:
             self._lost()

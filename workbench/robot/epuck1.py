@@ -3,12 +3,13 @@
     with SerComRobot("/dev/rfcomm0") as robot: ...
     with SerComRobot("/dev/ttyS0", variant="overo", binary=True) as robot: ...
 
-Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop. Before every request,
-what came too late for the last one is dropped. On the Overo the ground sensors are on a bus of Linux and not here.
+Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop. What came too
+late for an earlier request is dropped. On the Overo the ground sensors are on a bus of Linux and not here.
 
 Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (4 s) and reset (2 s).
 """
 
+import time
 from collections.abc import Sequence
 
 from workbench.robot.api import WATCHDOG_S, Robot
@@ -69,13 +70,11 @@ class SerComRobot(Robot):
         self._link = SerialLink(self.address, self.baud, timeout_s=self.timeout_s)
         try:
             self._link.write(b"\x00" + ascii_request("D", 0, 0))
-            self._link.write(b"\r")
-            self._settle()
             try:
-                self._ask("D", 0, 0, counts=(0,))
+                self._ask("E", counts=(2,))
             except (LinkTimeout, BadReply):  # a line that was noise while the port opened
-                self._settle()
-                self._ask("D", 0, 0, counts=(0,))
+                self._link.write(b"\r" + ascii_request("D", 0, 0))
+                self._ask("E", counts=(2,))
         except RobotError:
             self._close()
             raise
@@ -108,12 +107,27 @@ class SerComRobot(Robot):
         link.write(data)
         return link
 
-    def _ask(self, letter: str, *numbers: int, counts: tuple[int, ...], reply: str | None = None) -> tuple[int, ...]:
+    def _ask(self, letter: str, *numbers: int, counts: tuple[int, ...]) -> tuple[int, ...]:
         link = self._say(ascii_request(letter, *numbers))
-        line = link.read_line()
-        if self.debug:
-            print("←", line)
-        return ascii_numbers(line, reply or letter.lower(), counts)
+        line = self._read_reply(link, letter.lower(), self.timeout_s)
+        return ascii_numbers(line, letter.lower(), counts)
+
+    def _read_reply(self, link: SerialLink, letter: str, timeout_s: float) -> bytes:
+        """Return the line that begins with a letter; lines before it answer requests that were given up."""
+        deadline = time.monotonic() + timeout_s
+        other = None
+        while True:
+            try:
+                line = link.read_line(max(0.0, deadline - time.monotonic()))
+            except LinkTimeout:
+                if other is None:
+                    raise
+                raise BadReply(f"expected '{letter},…', got {other[:60]!r}") from None
+            if self.debug:
+                print("←", line)
+            if line[:1] == letter.encode():
+                return line
+            other = line
 
     def _drive(self, left: int, right: int) -> None:
         if self.binary:  # no reply
@@ -174,9 +188,7 @@ class SerComRobot(Robot):
         else:
             link = self._say(ascii_request("K"))
             for _ in range(2):  # it has started; it has finished
-                line = link.read_line(CALIBRATION_S)
-                if not line.startswith(b"k"):
-                    raise BadReply(f"expected 'k,…' of a calibration, got {line[:60]!r}")
+                self._read_reply(link, "k", CALIBRATION_S)
 
     def _version(self) -> str:
         with self._lock:

@@ -1,8 +1,8 @@
 """The three ground sensors: infrared reflexes from the floor, about 950 counts on white and 250 to 490 on black.
 
-Values from recordings of three real e-puck2 ground modules over bars (github Wii42/Robotics_Project): white 930 to 965; the
-lowest reading of each sensor, left/centre/right, is 338/287/367, 485/353/412 and 247/271/299; noise about 1.5 counts (standard
-deviation). The response between white and black is taken as linear in the dark share of the sensor's spot: our assumption.
+Values from real e-puck2 ground modules over bars: white 930 to 965; the lowest reading of each sensor, left/centre/right, is
+338/287/367 (a), 485/353/412 (b) and 247/271/299 (c); noise about 1.5 counts (standard deviation). ``validate infrared`` finds
+module b in three recordings (github Wii42/Robotics_Project); no recording at hand shows a or c. The response between white and black is taken as linear in the dark share of the sensor's spot: our assumption.
 Places: see ``robot.geometry``, 10 mm apart.
 
 A robot knows its own black and white only if it has calibrated: ``extremes`` keeps the highest and the lowest reading of a
@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 from workbench.compiled import compiled
 
 WHITE = (948.0, 948.0, 948.0)  # counts, left, centre, right
-MODULES = {  # counts on black of three real modules, named after the recording
-    "gray": (338.0, 287.0, 367.0), "perpendicular": (485.0, 353.0, 412.0), "diagonal": (247.0, 271.0, 299.0),
-}  # fmt: skip
+MODULES = {"a": (338.0, 287.0, 367.0), "b": (485.0, 353.0, 412.0), "c": (247.0, 271.0, 299.0)}  # counts on black
 NOISE = 1.5  # counts, standard deviation per reading
 SPOT = 0.003  # m, radius of the floor spot that a sensor sees: our assumption
 CONTRAST = 100.0  # counts between white and black below which a calibration is worthless

@@ -204,6 +204,11 @@ def warped(reading: float, warp: int) -> float:
     return reading
 
 
+def wall_rays() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the angles in rad of a sensor's rays off its axis, and their weights, which sum to one."""
+    return _ANGLES.copy(), _RAY_W.copy()
+
+
 def strength_of(config: InfraredConfig) -> tuple[float, float, int]:
     """Return radius in m, strength relative to white paper, and whether it emits (1), of what is looked at."""
     radius, strength, _ = TARGETS[config.target]
