@@ -63,8 +63,12 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--workers", type=int, default=0, help="processes on this machine (default: one per core)")
     study.add_argument("--out", help="folder of the table (default data/studies/)")
 
-    validate = verbs.add_parser("validate", help="compare with recordings of real robots (WORKBENCH_RECORDINGS)")
-    validate.add_argument("what", help="drive (wheels against set-points) or infrared (proximity and ground sensors)")
+    validate = verbs.add_parser(
+        "validate", help="compare with recordings of real robots (WORKBENCH_RECORDINGS); camera: with pixels"
+    )
+    validate.add_argument(
+        "what", help="drive (wheels against set-points) or infrared (proximity and ground sensors); camera (pixels)"
+    )
     validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
 
     figures = verbs.add_parser("figures", help="run the experiment and all notebooks; regenerate figures/")
@@ -190,7 +194,11 @@ def _validate(flags: argparse.Namespace) -> dict[str, Any]:
         from workbench.study.infrared_validation import validate_infrared
 
         return validate_infrared(out=out)
-    raise ValueError(f"validate {flags.what!r}; expected drive or infrared")
+    if flags.what == "camera":
+        from workbench.study.camera_validation import validate_camera
+
+        return validate_camera(out=out)
+    raise ValueError(f"validate {flags.what!r}; expected drive, infrared or camera")
 
 
 def _figures(flags: argparse.Namespace) -> dict[str, Any]:

@@ -6,6 +6,7 @@ commands without its 0x00 makes the parser deaf to lines; ``M`` is silent on the
 the command; Q wraps at 16 bits; an unknown command is told so.
 
 >>> from workbench.formation.simulated import SimulatedRobot
+>>> from workbench.robot.sercom import VARIANTS
 >>> with SimulatedRobot() as body:
 ...     firmware = SerComFirmware(body, VARIANTS["overo"])
 ...     firmware.feed(b"D,300,300\\rE\\rM\\rX\\r")

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.camera_config import CameraConfig
 from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
@@ -26,9 +27,12 @@ MAX_TILINGS = 8
 SENSING = {
     "truth": ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
     "truth-relative": ("distance", "bearing", "odometry"),
+    "camera": ("distance", "bearing", "odometry"),
+    "pixels": ("distance", "bearing", "odometry"),
     "ir-metric": ("distance", "bearing", "odometry"),
     "ir-raw": ("readings", "odometry"),
 }
+CAMERA = ("camera", "pixels")
 INFRARED = ("ir-metric", "ir-raw")
 V_MAX = speed_from_steps(MAX_STEPS)
 
@@ -46,11 +50,13 @@ class ConvoyConfig:
     sensing: str = choice(
         tuple(SENSING),
         "where the errors come from: truth reads the simulator's poses; truth-relative only distance and bearing of them; "
-        "ir-metric inverts two infrared readings, ir-raw tiles the readings themselves",
+        "pixels draws and searches pictures of an overhead camera; camera is a fast model of their errors; "
+        "ir-metric inverts two infrared readings; ir-raw tiles the readings themselves",
         default="truth",
     )
     noise_distance_m: float = real(0.0, 0.1, "m", "standard deviation of white noise on the sensed distance", default=0.0)
     noise_bearing_rad: float = real(0.0, 1.0, "rad", "standard deviation of white noise on the sensed bearing", default=0.0)
+    camera: CameraConfig = part(CameraConfig, "the overhead camera", default=CameraConfig())
     infrared: InfraredConfig = part(InfraredConfig, "proximity sensors and what they look at", default=InfraredConfig())
     threshold_counts: float = real(
         1.0, 1000.0, "counts", "infrared readings below it do not count as seen; 12 are five standard deviations", default=12.0
@@ -115,6 +121,11 @@ class ConvoyConfig:
             )
         if self.sensing in INFRARED:
             self._check_infrared()
+        if self.sensing in CAMERA and self.noisy:
+            raise ValueError(
+                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, noise_bearing_rad = {self.noise_bearing_rad!r} with "
+                f"sensing = {self.sensing!r}; a camera has noise of its own: see camera.conditions"
+            )
         if self.learner.rule == "true-online-sarsa" and self.weights == "shared":
             raise ValueError(
                 "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; what this rule remembers of its last "

@@ -14,6 +14,7 @@ import numpy as np
 from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
+from workbench.formation.camera_sense import camera_pose, observe_tracked
 from workbench.formation.errors import observe
 from workbench.formation.follower import LEARNED, LOSS, act, learn
 from workbench.formation.leader import follow_line
@@ -35,7 +36,7 @@ RESTART, DIVERGED, FINISHED = 1, 2, 4  # bits of what control_step returns
 @compiled
 def control_step(
     t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formations: Any, robots: Any, weights: Any,
-    trace_ids: Any, trace_values: Any, chance: Any, block: Any,
+    trace_ids: Any, trace_values: Any, chance: Any, block: Any, sights: Any, lens: Any,
 ) -> int:  # fmt: skip
     """Do one control period for all formations, all but the physics; return flags, 0 if nothing needs Python."""
     flags = 0
@@ -44,7 +45,7 @@ def control_step(
             continue
         flags |= _formation_step(
             t, task[0], qpos[b], ctrl[b], waiting[b], floor[b], formations[b], robots[b], weights[b],
-            trace_ids[b], trace_values[b], chance[b, t], block[b, t],
+            trace_ids[b], trace_values[b], chance[b, t], block[b, t], sights[b], lens[b],
         )  # fmt: skip
     return flags
 
@@ -52,14 +53,18 @@ def control_step(
 @compiled
 def _formation_step(
     t: int, task: Any, qpos: Any, ctrl: Any, waiting: Any, floor: Any, formation: Any, robots: Any, weights: Any,
-    trace_ids: Any, trace_values: Any, chance: Any, steps: Any,
+    trace_ids: Any, trace_values: Any, chance: Any, steps: Any, sights: Any, lens: Any,
 ) -> int:  # fmt: skip
     for i in range(robots.size):
         robot = robots[i]
         robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
         steps[i].x, steps[i].y, steps[i].heading = robot.x, robot.y, math.atan2(robot.s, robot.c)
-        if task.law or task.infrared or task.external >= 0:
+        if task.law or task.infrared or task.camera or task.external >= 0:
             _measure_motion(robot)
+        if task.camera:
+            normal, u = task.camera_at + 3 * i, task.camera_at + 3 * robots.size + i
+            shown = formation.periods % task.cam_every == 0
+            camera_pose(task, robot, sights[i], lens, chance[normal : normal + 3], chance[u], shown)
 
     steps[0].phase = FOLLOW
     if task.external != 0:
@@ -76,6 +81,8 @@ def _formation_step(
             place = task.infrared_at + SENSORS * (i - 1)
             sense_proximity(task, robots, i, chance[place : place + SENSORS])
             distance, bearing = look(task, robot)
+        elif task.camera:
+            distance, bearing = observe_tracked(robot, robots[i - 1])
         else:
             distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
         if task.noisy:

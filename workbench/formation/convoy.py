@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 
 from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World
+from workbench.formation.camera_sense import Eyes
 from workbench.formation.classical import ControlLaw
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.control import DIVERGED, FORMATION, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
 from workbench.formation.reset import FOLLOW
@@ -38,7 +39,7 @@ from workbench.robot.ground import MODULES, WHITE
 from workbench.robot.infrared import SENSORS, calibrate, draw_units
 
 BLOCK = 2500  # control periods
-CHILDREN = ("track", "sensor", "policy", "noise", "infrared", "units")
+CHILDREN = ("track", "sensor", "policy", "noise", "infrared", "units", "camera", "hidden", "lens", "pictures", "covered")
 
 _UNUSED = np.zeros((), STEP)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
@@ -131,12 +132,18 @@ class Convoy:
             self._draws.append(("noise", 2 * n, False))
         if config.sensing in INFRARED:
             self._draws.append(("infrared", SENSORS * n, False))
+        self._sights = np.zeros((count, n + 1, 4))
+        self._lens, self._eyes = np.zeros((count, 3, 2, 2)), list[Eyes]()
+        if config.sensing in CAMERA:
+            self._draws += [("camera", 3 * (n + 1), False), ("hidden", n + 1, True)]
+            self._hang_camera()
         self._chance = np.zeros((count, BLOCK, sum(width for _, width, _ in self._draws)))
         self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
             self._task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self._robots,
             self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
+            self._sights, self._lens,
         )  # fmt: skip
         types = tuple(numba.typeof(argument) for argument in (0, *arrays))
         control_step.compile(types)
@@ -179,6 +186,8 @@ class Convoy:
         act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
         step, running, delay, ctrl = self.world.batch.step, self._running(), self._delay, self.world.ctrl
         for t in range(BLOCK):
+            if self._eyes:
+                self.look()
             flags = act_all(t, *arrays)
             if flags:
                 self._attend(flags, t)
@@ -207,6 +216,8 @@ class Convoy:
         """
         if t % BLOCK == 0:
             self._draw()
+        if self._eyes:
+            self.look()
         flags = self._act_all(t % BLOCK, *self._arrays)
         if flags:
             self._attend(flags, t % BLOCK)
@@ -257,6 +268,33 @@ class Convoy:
         theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
         return theta, w
 
+    def _hang_camera(self) -> None:
+        """Hang and calibrate a camera over every formation."""
+        from workbench.arena.camera import Camera
+
+        config = self.config.camera
+        for b, (rng, track) in enumerate(zip(self._rngs, self.world.tracks, strict=True)):
+            camera = Camera(config, rng["lens"])
+            if not camera.sees(track.line):
+                raise ValueError(
+                    f"CameraConfig.span_m = {config.span_m!r}; the track of seed {self.seeds[b]} leaves the picture: expected a "
+                    "wider view (and more pixels), or a smaller track.radius_m"
+                )
+            if self.config.sensing == "pixels":
+                self._eyes.append(Eyes(camera, self.world, b, rng["pictures"], rng["covered"]))
+            else:
+                table, view = camera.bias_table()
+                if b == 0:
+                    self._lens, self._task["cam_view"] = np.zeros((len(self.seeds), *table.shape)), view
+                self._lens[b] = table
+
+    def look(self) -> None:
+        """Draw and search a picture of every formation that still runs; with sensing "pixels" only."""
+        for b, eyes in enumerate(self._eyes):
+            if not self._formations[b]["done"]:
+                poses = np.array([self.world.pose(b, robot) for robot in range(self.world.robots)])
+                eyes.look(int(self._formations[b]["periods"]), self._robots[b], poses, self._sights[b])
+
     def _fit_sensors(self) -> None:
         """Give every robot infrared sensors of its own, and let it calibrate them."""
         infrared = self.config.infrared
@@ -286,6 +324,7 @@ class Convoy:
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
             self._robots[b, 0]["memory"], self._robots[b, 0]["timer"] = self._first_memory, 0
             self._robots[b]["pc"] = self._robots[b]["ps"] = 0.0  # what was measured of the last period is void
+            self._robots[b]["tracked"] = 0
             for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
                 robot["phase"], robot["timer"] = FOLLOW, 0

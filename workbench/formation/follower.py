@@ -54,6 +54,9 @@ TASK = np.dtype(
         ("ir_radius", "f8"), ("ir_strength", "f8"), ("ir_beacon", "i8"), ("ir_reach", "f8"),
         ("ir_spread", "f8"), ("ir_age", "f8"),
         ("ambient", "f8"), ("ambient_c", "f8"), ("ambient_s", "f8"), ("warp", "i8"), ("threshold", "f8"),
+        # camera, see formation.camera_sense: mode, seconds, control periods, share, spreads, rectangle seen
+        ("camera", "i8"), ("cam_latency", "f8"), ("cam_every", "i8"), ("cam_missed", "f8"), ("cam_noise", "f8", (4,)),
+        ("cam_view", "f8", (4,)), ("camera_at", "i8"),
         ("raw_middle", "f8"), ("raw_near", "f8"), ("raw_far", "f8"), ("raw_side", "f8"),
         ("ir_table", "f8", (2, NODES, NODES)),
     ],
@@ -84,6 +87,9 @@ FOLLOWER = np.dtype(
         ("prox", "f8", (SENSORS,)), ("headroom", "f8", (SENSORS,)), ("near_x", "f8", (NEAR,)), ("near_y", "f8", (NEAR,)),
         ("left_reading", "f8"), ("right_reading", "f8"), ("blind", "i8"), ("sought", "f8"),
         ("ran_left", "i8"), ("ran_right", "i8"), ("seen_distance", "f8"), ("seen_bearing", "f8"),
+        # camera: tracked pose and motion, pose when last found, periods since, whether there is one
+        ("mx", "f8"), ("my", "f8"), ("mc", "f8"), ("ms", "f8"), ("mv", "f8"), ("mw", "f8"),
+        ("sx", "f8"), ("sy", "f8"), ("sc", "f8"), ("ss", "f8"), ("missed", "i8"), ("tracked", "i8"),
     ],
     align=True,
 )  # fmt: skip

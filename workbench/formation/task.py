@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.camera_config import NOISE, CameraConfig
+from workbench.formation.camera_sense import MODEL, PIXELS
 from workbench.formation.classical import ControlLaw
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.follower import TASK
 from workbench.formation.readings import raw_scales
 from workbench.formation.reward import PRESETS, terminal_reward
@@ -58,6 +60,8 @@ def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -
         "slowest": steps_from_speed(config.wheel_speed_mps[0]), "fastest": steps_from_speed(config.wheel_speed_mps[1]),
     }  # fmt: skip
     plain |= _sensors(config)
+    if config.sensing in CAMERA:
+        plain |= _camera(config)
     if config.sensing in INFRARED:
         plain |= _perception(config)
     for name, value in plain.items():
@@ -66,6 +70,18 @@ def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -
         gains = law.gains()
         task["law"], task["gain"][0, : len(gains)] = law.number, gains
     return task
+
+
+def _camera(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of the overhead camera; what it sees (``cam_view``) is for the camera to fill in."""
+    camera = config.camera
+    *noise, missed = NOISE[camera.conditions]
+    coarse = (camera.span_m / camera.width_px) / (CameraConfig().span_m / CameraConfig().width_px)
+    return {
+        "camera": PIXELS if config.sensing == "pixels" else MODEL, "cam_latency": camera.latency_s, "cam_every": camera.every,
+        "cam_missed": 1 - (1 - missed) * (1 - camera.dropout), "cam_noise": coarse * np.array(noise),
+        "camera_at": 3 + config.followers,
+    }  # fmt: skip
 
 
 def _sensors(config: ConvoyConfig) -> dict[str, Any]:

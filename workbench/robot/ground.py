@@ -2,8 +2,8 @@
 
 Values from real e-puck2 ground modules over bars: white 930 to 965; the lowest reading of each sensor, left/centre/right, is
 338/287/367 (a), 485/353/412 (b) and 247/271/299 (c); noise about 1.5 counts (standard deviation). ``validate infrared`` finds
-module b in three recordings (github Wii42/Robotics_Project); no recording at hand shows a or c. The response between white and black is taken as linear in the dark share of the sensor's spot: our assumption.
-Places: see ``robot.geometry``, 10 mm apart.
+module b in three recordings (github Wii42/Robotics_Project); no recording at hand shows a or c. The response between white and
+black is taken as linear in the dark share of the sensor's spot: our assumption. Places: see ``robot.geometry``, 10 mm apart.
 
 A robot knows its own black and white only if it has calibrated: ``extremes`` keeps the highest and the lowest reading of a
 drive or a turn over the line.

@@ -27,6 +27,7 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.trials import UNSEEN, Trial
 
 WITHIN = round(10.0 / CONTROL_PERIOD)  # control periods in which a loss has to be over
+PATIENCE = 2  # times the control periods that undisturbed learning takes, after which a run ends unfinished
 HOLDS_PER_MINUTE = 5
 LONGEST_HOLD = round(1.0 / CONTROL_PERIOD)
 INFRARED_BASE = {field.name: getattr(SETTINGS["infrared"], field.name) for field in names_of(ConvoyConfig)}
@@ -36,7 +37,8 @@ for _name in ("drive", "sensing", "followers"):
 
 def measure_infrared(trial: Trial) -> dict[str, float]:
     """Return shares inside the working range, errors in mm and degrees, losses and recoveries, learning and held up."""
-    convoy = Convoy(trial.config, [trial.config.seed], steps=trial.steps, threads=1)
+    periods = PATIENCE * trial.steps // trial.config.followers + 1
+    convoy = Convoy(trial.config, [trial.config.seed], steps=trial.steps, periods=periods, threads=1)
     kept = []
     while not convoy.finished:
         block = convoy.run_block()[0]

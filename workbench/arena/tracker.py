@@ -1,0 +1,56 @@
+"""The tracker: keeps every robot's pose from picture to picture, and fills short gaps with its motion.
+
+A found marker is believed as it is. Between two findings a robot's forward speed and turning rate follow; while its marker is
+missing it is moved on with them, for half a second at most, and the pose is marked as predicted (``missed`` > 0). After that it
+is nowhere until it is found again.
+
+Contract: compiled; writes the robot's record: ``mx, my, mc, ms`` the pose, ``mv, mw`` its motion, ``missed`` pictures since it
+was found, ``tracked`` whether there is a pose at all.
+"""
+
+import math
+from typing import Any
+
+from workbench.compiled import compiled
+
+LONGEST_GAP = 5  # control periods
+
+
+@compiled
+def track(robot: Any, found: bool, x: float, y: float, heading: float, dt: float) -> None:
+    """Advance a robot's track by one control period of dt s, with its marker found at x, y (m), heading (rad), or not."""
+    if found:
+        c, s = math.cos(heading), math.sin(heading)
+        robot.mv = robot.mw = 0.0
+        if robot.tracked:
+            span = dt * (robot.missed + 1)
+            robot.mv = ((x - robot.sx) * c + (y - robot.sy) * s) / span
+            robot.mw = math.atan2(s * robot.sc - c * robot.ss, c * robot.sc + s * robot.ss) / span
+        robot.sx, robot.sy, robot.sc, robot.ss = x, y, c, s
+        robot.mx, robot.my, robot.mc, robot.ms = x, y, c, s
+        robot.missed, robot.tracked = 0, 1
+        return
+    robot.missed += 1
+    if robot.missed > LONGEST_GAP:
+        robot.tracked = 0
+        return
+    turned = robot.mw * dt
+    c, s = math.cos(turned), math.sin(turned)
+    robot.mc, robot.ms = robot.mc * c - robot.ms * s, robot.ms * c + robot.mc * s
+    robot.mx += robot.mv * robot.mc * dt
+    robot.my += robot.mv * robot.ms * dt
+
+
+@compiled
+def bias_at(table: Any, view: Any, x: float, y: float) -> tuple[float, float, float]:
+    """Return the bilinear x, y, heading of a bias table (3, n, n) over view = x0, x1, y0, y1."""
+    n = table.shape[1]
+    a = min(max((y - view[2]) / (view[3] - view[2]), 0.0), 1.0) * (n - 1)
+    b = min(max((x - view[0]) / (view[1] - view[0]), 0.0), 1.0) * (n - 1)
+    i, j = min(int(a), n - 2), min(int(b), n - 2)
+    p, q = a - i, b - j
+    w00, w01, w10, w11 = (1 - p) * (1 - q), (1 - p) * q, p * (1 - q), p * q
+    dx: float = w00 * table[0, i, j] + w01 * table[0, i, j + 1] + w10 * table[0, i + 1, j] + w11 * table[0, i + 1, j + 1]
+    dy: float = w00 * table[1, i, j] + w01 * table[1, i, j + 1] + w10 * table[1, i + 1, j] + w11 * table[1, i + 1, j + 1]
+    turn: float = w00 * table[2, i, j] + w01 * table[2, i, j + 1] + w10 * table[2, i + 1, j] + w11 * table[2, i + 1, j + 1]
+    return dx, dy, turn
