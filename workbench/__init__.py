@@ -19,6 +19,7 @@ from .learning.gq import UpdateBuffer as UpdateBuffer
 from .learning.sarsa import TrueOnlineSarsa as TrueOnlineSarsa
 from .learning.tiles import TileGrid as TileGrid
 from .learning.tiles import Tiling as Tiling
+from .robots import open_robot as open_robot
 from .study.figures import save_figure as save_figure
 from .study.judder import judder as judder
 from .study.motion import Motion as Motion

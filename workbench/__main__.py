@@ -18,6 +18,7 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation.classical import LAWS, Controller
 from workbench.formation.config import SENSING, SETTINGS, ConvoyConfig
 from workbench.learning.config import LearnerConfig
+from workbench.robot.faults import RobotError
 from workbench.study.storage import plain
 
 _UNITS = """Units: speeds in m/s or motor steps/s (1 step = 0.1288 mm), lengths in m (…_m), angles in rad (…_rad) or degrees
@@ -71,6 +72,31 @@ def _parser() -> argparse.ArgumentParser:
     )
     validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
 
+    emulate = verbs.add_parser("emulate", help="serve an emulated robot on a pseudo-terminal or a TCP port")
+    emulate.add_argument("protocol", help="epuck1, epuck1-bt, overo (SerCom on a pseudo-terminal) or epuck2 (TCP)")
+    emulate.add_argument("--port", type=int, default=0, help="TCP port (default: a free one)")
+    emulate.add_argument("--rate", type=float, default=1.0, help="simulated seconds per second; 0: moves only when it is read")
+    emulate.add_argument("--seconds", type=float, default=0.0, help="end after so many seconds (default: Ctrl-C)")
+
+    drive = verbs.add_parser("drive", help="let a run's follower drive a robot")
+    drive.add_argument("--robot", required=True, help="sim:, serial:PORT, overo:PORT or tcp:HOST[:PORT]")
+    drive.add_argument("--weights", required=True, help="folder of the run")
+    drive.add_argument("--seconds", type=float, default=60.0, help="how long (default 60)")
+    drive.add_argument("--learn", type=int, default=0, help="learn on, over so many updates (default: follow greedily)")
+    drive.add_argument("--record", help="write a recording to this .csv")
+    drive.add_argument("--real", action="store_true", help="the recording is of a real robot, not of an emulated one")
+
+    record = verbs.add_parser("record", help="record a robot that stands or drives at constant speeds")
+    record.add_argument("--robot", required=True, help="sim:, serial:PORT, overo:PORT, tcp:HOST[:PORT] or log:FILE")
+    record.add_argument("--out", required=True, help="the .csv; must be new")
+    record.add_argument("--seconds", type=float, default=10.0, help="how long (default 10)")
+    record.add_argument("--speeds", type=int, nargs=2, default=(0, 0), metavar=("LEFT", "RIGHT"), help="steps/s (default 0 0)")
+
+    record.add_argument("--real", action="store_true", help="it is a real robot, not an emulated one")
+
+    check = verbs.add_parser("check", help="check a recording; names the first thing that is wrong by row and column")
+    check.add_argument("recording", help="the .csv")
+
     figures = verbs.add_parser("figures", help="run the experiment and all notebooks; regenerate figures/")
     figures.add_argument("--check", action="store_true", help="only tell what would change, and by how much")
     return parser
@@ -94,10 +120,12 @@ def main(arguments: list[str] | None = None) -> int:
             result = _study(flags)
         elif flags.verb == "validate":
             result = _validate(flags)
-        else:
+        elif flags.verb == "figures":
             result = _figures(flags)
             code = 1 if flags.check and result["changed_files"] else 0
-    except (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError) as error:
+        else:
+            result = _robot(flags)
+    except (RobotError, ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -199,6 +227,23 @@ def _validate(flags: argparse.Namespace) -> dict[str, Any]:
 
         return validate_camera(out=out)
     raise ValueError(f"validate {flags.what!r}; expected drive, infrared or camera")
+
+
+def _robot(flags: argparse.Namespace) -> dict[str, Any]:
+    from workbench.study import live
+
+    if flags.verb == "emulate":
+        return {"url": live.emulate(flags.protocol, port=flags.port, rate=flags.rate, seconds=flags.seconds)}
+    if flags.verb == "drive":
+        return live.drive_robot(
+            flags.robot, flags.weights, seconds=flags.seconds, learn=flags.learn, record=flags.record, real=flags.real
+        )
+    if flags.verb == "record":
+        speeds = (flags.speeds[0], flags.speeds[1])
+        return live.record_robot(flags.robot, flags.out, seconds=flags.seconds, speeds=speeds, real=flags.real)
+    from workbench.study.recordings import load_recording
+
+    return load_recording(flags.recording).summary()
 
 
 def _figures(flags: argparse.Namespace) -> dict[str, Any]:

@@ -5,7 +5,8 @@
 
 What happens inside is simulated physics, what goes over the wire is the real protocol. In real time (``rate``) the body moves on
 whether it is asked or not, as robots do; in lockstep it moves when its proximity sensors are read, so that nothing depends on
-clocks. The wire can be made slow (``baud``), late (``delay_s``) and bad (``Fault``).
+clocks. Either way its world stands until somebody speaks to it. The wire can be made slow (``baud``), late (``delay_s``) and
+bad (``Fault``).
 
 Contract: one client at a time. ``heard`` keeps what came in, with times, for tests; ``close`` ends all threads.
 """
@@ -126,6 +127,8 @@ class Emulator:
 
     def _live(self) -> None:
         """Let the body move on in real time."""
+        while not self.heard and not self._leave.wait(0.005):
+            pass  # it stands until somebody speaks to it
         period = CONTROL_PERIOD / self.rate
         due = time.monotonic() + period
         while not self._leave.wait(max(0.0, due - time.monotonic())):

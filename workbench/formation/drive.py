@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,6 +83,9 @@ class SoloFollower:
         self._ids, self._values = np.stack([empty[0], empty[2], empty[0]]), np.stack([empty[1], empty[1]])
         self._chance = policy_chance(config.seed)
         self.probability = 1.0
+        arrays = (self._task, self._record, self._step, self.weights, self._ids, self._values)
+        _decide.compile(tuple(numba.typeof(value) for value in (*arrays, 0.0, 0.0, 0.0, 0.0, True)))  # not while a robot waits
+        _learn.compile(tuple(numba.typeof(value) for value in (self._task, self._record, self.weights, self._ids, self._values)))
 
     @property
     def record(self) -> Any:
@@ -202,7 +206,7 @@ def drive(
     latency = 0.0
     missed, periods = robot.missed_deadlines, max(1, round(seconds / _period(robot)))
     try:
-        for period in range(periods):
+        for _ in range(periods):
             robot.step()
             begun = time.monotonic()
             if not buffer and update_s and follower.record["state"] >= 0 and follower.steps:
@@ -221,7 +225,7 @@ def drive(
                 time.sleep(update_s)
             follower.learn()
             if watch is not None:
-                watch(follower, robot, period * _period(robot))
+                watch(follower, robot, robot.time_s)
         robot.step()
     finally:
         if robot.is_connected():

@@ -150,6 +150,11 @@ class SimulatedRobot(Robot):
     def _version(self) -> str:
         return f"simulated e-puck {self.robot} of {self.config.followers + 1}, sensing {self.config.sensing}"
 
+    @property
+    def time_s(self) -> float:
+        """Simulated s since the start."""
+        return self._time * CONTROL_PERIOD
+
     def pose(self) -> tuple[float, float, float]:
         """Return the robot's true x, y in m and heading in rad."""
         return self.convoy.world.pose(0, self.robot)

@@ -27,7 +27,7 @@ else raises NotSupported. Errors of the link are RobotErrors, no others.
 import threading
 import time
 import warnings
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
@@ -36,6 +36,7 @@ from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, NotConnected
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.motors import MAX_STEPS
 from workbench.robot.watchdog import Watchdog
+from workbench.robot.words import Words
 
 SENSORS = (
     "proximity", "light", "floor", "motor_speed", "motor_position", "accelerometer", "selector", "battery", "microphone",
@@ -45,7 +46,7 @@ WRAP = 1 << 16
 WATCHDOG_S = 0.5  # s without a word from the program after which a moving robot is stopped
 
 
-class Robot(ABC):
+class Robot(Words):
     """What all back-ends have in common. A back-end fills in the methods with an underscore.
 
     Args:
@@ -72,6 +73,8 @@ class Robot(ABC):
         self._speed = (0, 0)
         self._connected = False
         self._last_step: float | None = None
+        self._first: float | None = None
+        self._stamp = 0.0
         self._heard = 0.0
         self._lock = threading.RLock()
         self._watchdog = Watchdog(self._stop_silent, None if watchdog_s is None else watchdog_s / 5)
@@ -106,6 +109,7 @@ class Robot(ABC):
             if not self._connected:
                 self._open()
                 self._connected, self._speed, self._last_step, self._counted = True, (0, 0), None, None
+                self._first = None
                 self._read = {}
                 self._heard = time.monotonic()
         return True
@@ -182,45 +186,16 @@ class Robot(ABC):
             self._last_step = due if self.period_s else time.monotonic()
         self._heard = time.monotonic()
         with self._lock:
+            self._first = self._heard if self._first is None else self._first
+            self._stamp = self._heard
             self._read |= self._guarded(self._enabled)
         self._heard = time.monotonic()
         return True
 
-    def get_proximity(self) -> tuple[float, ...]:
-        """Return ps0 … ps7 in counts, near is large; calibrated if the robot has been."""
-        return self._latest("proximity")
-
-    def get_light_sensor(self) -> tuple[float, ...]:
-        """Return the ambient reading of the same eight sensors: about 4000 counts in the dark, falling with light."""
-        return self._latest("light")
-
-    def get_floor_sensors(self) -> tuple[float, ...]:
-        """Return the three ground sensors, left, centre, right, in counts."""
-        return self._latest("floor")
-
-    def get_motor_speed(self) -> tuple[float, ...]:
-        """Return the commanded wheel speeds in steps/s, as the firmware echoes them; nobody measures."""
-        return self._latest("motor_speed")
-
-    def get_motor_position(self) -> tuple[float, ...]:
-        """Return the wheels' step counters, counted on where the wire's 16 bits wrap."""
-        return self._latest("motor_position")
-
-    def get_accelerometer(self) -> tuple[float, ...]:
-        """Return the raw x, y, z of the accelerometer."""
-        return self._latest("accelerometer")
-
-    def get_microphone(self) -> tuple[float, ...]:
-        """Return the microphones' volumes."""
-        return self._latest("microphone")
-
-    def get_selector(self) -> tuple[float, ...]:
-        """Return the position of the selector switch."""
-        return self._latest("selector")
-
-    def get_battery(self) -> tuple[float, ...]:
-        """Return the battery: 1 good, 0 low (e-puck1), raw counts (e-puck2)."""
-        return self._latest("battery")
+    @property
+    def time_s(self) -> float:
+        """When the sensors were last read, in s since the first time after connecting; the robot's own time if simulated."""
+        return self._stamp - (self._first or 0.0)
 
     # acting
 
@@ -244,37 +219,6 @@ class Robot(ABC):
             self._protected(lambda: self._drive(*self._speed))
         if any(self._speed):
             self._watchdog.start()
-
-    def stop(self) -> None:
-        """Stop both wheels."""
-        self.set_motors_speed(0, 0)
-
-    def set_motor_position(self, left: int, right: int) -> None:
-        """Set the wheels' step counters."""
-        self._device("motor_position", left, right)
-        self._counted = None
-
-    def set_led(self, led: int, value: int) -> None:
-        """Set one of the eight ring lights: 0 off, 1 on, 2 toggle; another number than 0 to 7 sets all."""
-        self._device("led", led, value)
-
-    def set_body_led(self, value: int) -> None:
-        """Set the body light."""
-        self._device("body_led", value)
-
-    def set_front_led(self, value: int) -> None:
-        """Set the front light."""
-        self._device("front_led", value)
-
-    def calibrate_proximity_sensors(self) -> None:
-        """Take the mean of 100 readings as every sensor's zero. Nothing may stand near the robot."""
-        self._device("calibrate")
-
-    def observe(self) -> tuple[float, float]:
-        """Return distance in m and bearing in rad of the robot in front, as an overhead camera tells them."""
-        self._require("observe")
-        distance, bearing = self._latest("observe")
-        return distance, bearing
 
     def get_sercom_version(self) -> str:
         """Return what the robot says it is."""
@@ -317,6 +261,8 @@ class Robot(ABC):
         self._require(device)
         with self._lock:
             self._protected(lambda: self._set_device(device, values))
+            if device == "motor_position":
+                self._counted = None
         self._heard = time.monotonic()
 
     def _check_sensor(self, sensor: str) -> None:
@@ -333,6 +279,8 @@ class Robot(ABC):
             raise NotConnected(f"{type(self).__name__} is not connected; call connect(), or use it in a with block")
 
     def _latest(self, sensor: str) -> tuple[float, ...]:
+        if sensor == "observe":
+            self._require("observe")
         if sensor in self._read:
             return self._read[sensor]
         if sensor in SENSORS:

@@ -60,6 +60,11 @@ class ReplayedRobot(Robot):
         return f"recording of {self.recording.header['robot']}"
 
     @property
+    def time_s(self) -> float:
+        """When this row was recorded."""
+        return float(self.recording.frame["t_s"].iloc[self._row])
+
+    @property
     def recorded_command(self) -> tuple[int, int]:
         """The command that was sent after the readings of this row, in steps/s."""
         row = self.recording.frame.iloc[self._row]

@@ -1,0 +1,87 @@
+"""The words that e-puck users know from pyePuck and ePuckVRep, one method each; what they do is in ``robot.api``.
+
+Contract: readings are those of the last ``step``; every device that a back-end lacks raises NotSupported.
+"""
+
+from abc import ABC, abstractmethod
+
+
+class Words(ABC):
+    """Readings and devices by name."""
+
+    @abstractmethod
+    def _latest(self, sensor: str) -> tuple[float, ...]:
+        """Return what a sensor read at the last step."""
+
+    @abstractmethod
+    def _device(self, device: str, *values: int) -> None:
+        """Set a device."""
+
+    @abstractmethod
+    def set_motors_speed(self, left: int, right: int) -> None:
+        """Set the wheel speeds in whole steps/s, at once."""
+
+    def get_proximity(self) -> tuple[float, ...]:
+        """Return ps0 … ps7 in counts, near is large; calibrated if the robot has been."""
+        return self._latest("proximity")
+
+    def get_light_sensor(self) -> tuple[float, ...]:
+        """Return the ambient reading of the same eight sensors: about 4000 counts in the dark, falling with light."""
+        return self._latest("light")
+
+    def get_floor_sensors(self) -> tuple[float, ...]:
+        """Return the three ground sensors, left, centre, right, in counts."""
+        return self._latest("floor")
+
+    def get_motor_speed(self) -> tuple[float, ...]:
+        """Return the commanded wheel speeds in steps/s, as the firmware echoes them; nobody measures."""
+        return self._latest("motor_speed")
+
+    def get_motor_position(self) -> tuple[float, ...]:
+        """Return the wheels' step counters, counted on where the wire's 16 bits wrap."""
+        return self._latest("motor_position")
+
+    def get_accelerometer(self) -> tuple[float, ...]:
+        """Return the raw x, y, z of the accelerometer."""
+        return self._latest("accelerometer")
+
+    def get_microphone(self) -> tuple[float, ...]:
+        """Return the microphones' volumes."""
+        return self._latest("microphone")
+
+    def get_selector(self) -> tuple[float, ...]:
+        """Return the position of the selector switch."""
+        return self._latest("selector")
+
+    def get_battery(self) -> tuple[float, ...]:
+        """Return the battery: 1 good, 0 low (e-puck1), raw counts (e-puck2)."""
+        return self._latest("battery")
+
+    def stop(self) -> None:
+        """Stop both wheels."""
+        self.set_motors_speed(0, 0)
+
+    def set_motor_position(self, left: int, right: int) -> None:
+        """Set the wheels' step counters."""
+        self._device("motor_position", left, right)
+
+    def set_led(self, led: int, value: int) -> None:
+        """Set one of the eight ring lights: 0 off, 1 on, 2 toggle; another number than 0 to 7 sets all."""
+        self._device("led", led, value)
+
+    def set_body_led(self, value: int) -> None:
+        """Set the body light."""
+        self._device("body_led", value)
+
+    def set_front_led(self, value: int) -> None:
+        """Set the front light."""
+        self._device("front_led", value)
+
+    def calibrate_proximity_sensors(self) -> None:
+        """Take the mean of 100 readings as every sensor's zero. Nothing may stand near the robot."""
+        self._device("calibrate")
+
+    def observe(self) -> tuple[float, float]:
+        """Return distance in m and bearing in rad of the robot in front, as an overhead camera tells them."""
+        distance, bearing = self._latest("observe")
+        return distance, bearing

@@ -1,0 +1,117 @@
+"""What the command line does with robots: emulate one, drive one, record one.
+
+Contract: each function runs until its time is over or it is interrupted, and leaves the robot stopped and the recording closed.
+"""
+
+import time
+from contextlib import ExitStack
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from workbench.formation.config import INFRARED, SETTINGS, ConvoyConfig
+from workbench.formation.drive import SoloFollower, drive
+from workbench.formation.policy import Policy
+from workbench.robot.api import Robot
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robots import open_robot
+from workbench.study.recordings import Recorder
+from workbench.study.runs import load_run
+
+
+def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0, rate: float = 1.0, seconds: float = 0.0) -> str:
+    """Serve an emulated robot, the first follower of a simulated convoy, until interrupted (or for some seconds); return its URL.
+
+    Args:
+        protocol: see ``workbench.arena.emulator.PROTOCOLS``.
+        config: the convoy around it; default: one follower with infrared.
+        port: TCP port of an e-puck2, 0 for a free one.
+        rate: simulated seconds per second, 0 for lockstep.
+    """
+    from workbench.arena.emulator import Emulator
+    from workbench.formation.simulated import SimulatedRobot
+
+    body = SimulatedRobot(config if config is not None else replace(SETTINGS["infrared"], followers=1))
+    with Emulator(body, protocol, rate=rate, port=port) as emulator:
+        print(f"an emulated {protocol} listens at {emulator.url}; stop it with Ctrl-C", flush=True)
+        until = time.monotonic() + seconds if seconds else float("inf")
+        while time.monotonic() < until:
+            time.sleep(0.1)
+        return emulator.url
+
+
+def drive_robot(
+    url: str, run: str | Path, *, seconds: float, learn: int = 0, record: str | Path | None = None, real: bool = False
+) -> dict[str, Any]:
+    """Let a learned follower drive the robot at a URL; return the report.
+
+    Args:
+        url: see ``open_robot``.
+        run: folder of a run; its first table drives.
+        seconds: of control.
+        learn: updates over which it learns on, 0 to follow greedily.
+        record: CSV to write a recording to; real: whether to call it one of a real robot.
+
+    Raises:
+        ValueError: the run's followers see with something that the robot does not have, or were driven by a law.
+    """
+    stored = load_run(run)
+    if not isinstance(stored.policy, Policy):
+        raise ValueError(f"{run} was driven by a classical law and has no weights; give a run that learned")
+    config = replace(stored.config, followers=1)
+    policy = replace(stored.policy, theta=stored.policy.theta[:1])
+    options = {"config": config} if url.startswith("sim:") else {}
+    with ExitStack() as stack:
+        robot = open_robot(url, **options)
+        _check_senses(robot, config, url)
+        stack.enter_context(robot)
+        follower = SoloFollower(config, policy, steps=learn)
+        calibration = _calibrate(robot) if config.sensing in INFRARED else "none"
+        watch = None
+        if record is not None:
+            robot.enable(
+                *(sensor for sensor in ("proximity", "light", "floor", "motor_position") if sensor in robot.capabilities)
+            )
+            recorder = Recorder(
+                record, robot, link=url, real=real, config=config, calibration=calibration,
+            )  # fmt: skip
+            watch = stack.enter_context(recorder).watch
+        report = drive(robot, follower, seconds=seconds, watch=watch)
+        return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
+
+
+def record_robot(
+    url: str, out: str | Path, *, seconds: float, speeds: tuple[int, int] = (0, 0), real: bool = False
+) -> dict[str, Any]:
+    """Record a robot that stands, or drives at constant speeds in steps/s; return rows and missed deadlines."""
+    with open_robot(url) as robot:
+        robot.enable(*(sensor for sensor in ("proximity", "light", "floor", "motor_position") if sensor in robot.capabilities))
+        with Recorder(out, robot, link=url, real=real, note="robot driven at constant speeds") as recorder:
+            period = robot.period_s or CONTROL_PERIOD  # of a robot without wall-clock time
+            for row in range(max(1, round(seconds / period))):
+                robot.step()
+                if "drive" in robot.capabilities and row == 0:
+                    robot.set_motors_speed(*speeds)
+                recorder.add(robot.time_s, robot, command=speeds)
+        return {"rows": row + 1, "missed_deadlines": robot.missed_deadlines, "worst_latency_s": robot.worst_latency_s}
+
+
+def _calibrate(robot: Robot) -> str:
+    if "calibrate" not in robot.capabilities:
+        return "none"
+    robot.calibrate_proximity_sensors()
+    return "mean of 100 readings before the drive"
+
+
+def _check_senses(robot: Robot, config: ConvoyConfig, url: str) -> None:
+    needed = "proximity" if config.sensing in INFRARED else "observe"
+    if needed not in robot.capabilities or "drive" not in robot.capabilities:
+        lacking = "drive" if needed in robot.capabilities else needed
+        raise ValueError(
+            f"{url} cannot {lacking!r}; a run with sensing = {config.sensing!r} needs a robot that can be driven and "
+            + (
+                "read its proximity sensors"
+                if needed == "proximity"
+                else "is watched by a camera: use sim:, or learn with infrared"
+            )
+        )
