@@ -4,7 +4,7 @@
         robot = SerComRobot(emulator.address, variant="overo")
 
 What happens inside is simulated physics, what goes over the wire is the real protocol. In real time (``rate``) the body moves on
-whether it is asked or not, as robots do; in lockstep it moves when its proximity sensors are read, so that nothing depends on
+whether it is asked or not, as robots do; in lockstep it moves when a sensor is read again, so that nothing depends on
 clocks. Either way its world stands until somebody speaks to it. The wire can be made slow (``baud``), late (``delay_s``) and
 bad (``Fault``).
 
@@ -133,7 +133,7 @@ class Emulator:
         due = time.monotonic() + period
         while not self._leave.wait(max(0.0, due - time.monotonic())):
             with self._lock:
-                self.robot.step()
+                self._firmware.live()
             due += period
 
     def _converse(self, data: bytes) -> bytes | None:

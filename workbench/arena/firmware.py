@@ -12,7 +12,7 @@ the command; Q wraps at 16 bits; an unknown command is told so.
 ...     firmware.feed(b"D,300,300\\rE\\rM\\rX\\r")
 b'd\\r\\ne,300,300\\r\\nz,Command not found\\r\\n'
 
-Contract: no threads, no clocks; ``lockstep`` lets a control period pass at every reading of the proximity sensors, otherwise
+Contract: no threads, no clocks; ``lockstep`` lets a control period pass whenever a sensor is read a second time, otherwise
 whoever owns the body lets time pass. A firmware never raises on bytes.
 """
 
@@ -46,27 +46,39 @@ class Firmware(Protocol):
     def feed(self, data: bytes) -> bytes:
         """Take bytes that came in and return those that go out."""
 
+    def live(self) -> None:
+        """Let the body move on for a control period."""
+
 
 class _Body:
     """A robot as its firmware sees it."""
 
     def __init__(self, robot: Robot, lockstep: bool) -> None:
-        self.robot, self._lockstep, self._fresh = robot, lockstep, True
+        self.robot, self._lockstep, self._seen = robot, lockstep, set[str]()
         robot.enable("proximity", "light", "floor", "motor_position", "accelerometer", "selector", "battery")
-        robot.step()
+        self._awake = False
 
     def sensor(self, name: str) -> list[int]:
-        """Return a sensor's values; in lockstep, the proximity sensors are read a control period after the last time."""
-        if name == "proximity" and self._lockstep:
-            if not self._fresh:
+        """Return a sensor's values; in lockstep, who reads a sensor again reads it a control period later."""
+        if not self._awake:
+            self.robot.step()
+            self._awake = True
+        if self._lockstep:
+            if name in self._seen:
                 self.robot.step()
-            self._fresh = False
+                self._seen.clear()
+            self._seen.add(name)
         read = {
             "proximity": self.robot.get_proximity, "light": self.robot.get_light_sensor, "floor": self.robot.get_floor_sensors,
             "motor_position": self.robot.get_motor_position, "accelerometer": self.robot.get_accelerometer,
             "selector": self.robot.get_selector, "battery": self.robot.get_battery,
         }  # fmt: skip
         return [int(value) for value in read[name]()]
+
+    def live(self) -> None:
+        """Let a control period pass."""
+        self.robot.step()
+        self._awake = True
 
     def drive(self, left: int, right: int) -> tuple[int, int]:
         most = self.robot.most_steps
@@ -81,7 +93,7 @@ class SerComFirmware:
     Args:
         robot: the body.
         variant: see ``robot.sercom.VARIANTS``.
-        lockstep: let a control period pass at every reading of the proximity sensors.
+        lockstep: let a control period pass whenever a sensor is read a second time.
     """
 
     def __init__(self, robot: Robot, variant: Variant, *, lockstep: bool = False) -> None:
@@ -89,6 +101,10 @@ class SerComFirmware:
         self._line, self._chain = bytearray(), bytearray()
         self._binary = False
         self._speed = (0, 0)
+
+    def live(self) -> None:
+        """Let the body move on for a control period."""
+        self._body.live()
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes and return the replies, in order."""
@@ -209,6 +225,10 @@ class EPuck2Firmware:
     def __init__(self, robot: Robot, *, lockstep: bool = False) -> None:
         self._body = _Body(robot, lockstep)
         self._buffer = bytearray()
+
+    def live(self) -> None:
+        """Let the body move on for a control period."""
+        self._body.live()
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes and return a reply for every whole command packet; bytes that begin none are skipped."""

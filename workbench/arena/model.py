@@ -20,6 +20,7 @@ Contract: actuators come in the order of ``ACTUATORS[drive]`` per robot, qpos pe
 """
 
 import math
+from collections.abc import Callable
 
 import mujoco
 
@@ -44,8 +45,10 @@ _FLOOR, _FOOT, _BODY = 1, 2, 4  # collision classes
 COLOURS = ((0.80, 0.25, 0.20, 1.0), (0.20, 0.45, 0.75, 1.0))  # leader, followers
 
 
-def build_model(robots: int, drive: str) -> mujoco.MjModel:
+def build_model(robots: int, drive: str, furnish: Callable[[mujoco.MjSpec], None] | None = None) -> mujoco.MjModel:
     """Compile the model of a number of e-pucks on an infinite floor; their bodies are robot0, robot1, ….
+
+    ``furnish`` may add walls, boxes and the like to the specification before it is compiled.
 
     Raises:
         ValueError: fewer than one robot or an unknown drive.
@@ -71,6 +74,8 @@ def build_model(robots: int, drive: str) -> mujoco.MjModel:
             _add_planar(spec, body, number)
         height = 0.0 if drive == "wheels" else g.WHEEL_RADIUS
         _add_shell(body, number, height)
+    if furnish is not None:
+        furnish(spec)
     return spec.compile()
 
 

@@ -15,8 +15,10 @@ the number of threads. A world is used by one Python thread at a time.
 
 import math
 import os
+from collections.abc import Callable
 from typing import Any
 
+import mujoco
 import numpy as np
 from mujoco import batch as mujoco_batch
 from numpy.typing import NDArray
@@ -63,6 +65,7 @@ class World:
         drive: "wheels" or "planar".
         spacing_m: distance between neighbours at the start.
         line_width_m: width of the black line.
+        furnish: adds what else stands in the arena to the model's specification, see ``arena.proximity.add_box``.
         threads: MuJoCo's threads; 0 takes one per formation, at most one per core.
 
     Attributes:
@@ -81,8 +84,9 @@ class World:
         spacing_m: float,
         line_width_m: float = 0.015,
         threads: int = 0,
+        furnish: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
-        self.model = build_model(followers + 1, drive)
+        self.model = build_model(followers + 1, drive, furnish)
         self.drive, self.wheels = drive, drive == "wheels"
         self.robots = followers + 1
         self.tracks = tracks

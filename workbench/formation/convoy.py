@@ -18,8 +18,9 @@ everything: ``load`` continues as if never stopped.
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+import mujoco
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,7 @@ class Convoy:
         law: a classical law that drives all followers instead of a policy; without learning only.
         horizon: updates over which schedules are stretched, default ``steps``; a shorter run is then how a longer one begins.
         external: a robot that somebody else drives, period by period (``period``); 0 is the leader.
+        furnish: adds walls and boxes to the world; robots bump into them, but only ``SimulatedRobot`` sees them.
         threads: MuJoCo's threads, 0 for one per core.
 
     Attributes:
@@ -77,6 +79,7 @@ class Convoy:
         law: ControlLaw | None = None,
         horizon: int | None = None,
         external: int | None = None,
+        furnish: Callable[[mujoco.MjSpec], None] | None = None,
         threads: int = 0,
     ) -> None:
         if not seeds:
@@ -93,7 +96,7 @@ class Convoy:
         tracks = [_track(config, rng["track"]) for rng in self._rngs]
         self.world = World(
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
-            line_width_m=config.track.line_width_m, threads=threads,
+            line_width_m=config.track.line_width_m, threads=threads, furnish=furnish,
         )  # fmt: skip
         pairs = config.rows * config.actions
         self.weights = self._first_weights(count, pairs, policy)

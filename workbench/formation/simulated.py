@@ -18,13 +18,15 @@ readings are those that a follower of a compiled convoy would have, bit for bit.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.floor import floor_darkness
+from workbench.arena.proximity import RayProximity
 from workbench.compiled import compiled
 from workbench.formation.classical import CarrotPI, ControlLaw, Controller
 from workbench.formation.config import INFRARED, ConvoyConfig
@@ -35,7 +37,7 @@ from workbench.robot.api import SENSORS, Robot
 from workbench.robot.geometry import CONTROL_PERIOD, GROUND_SENSOR_X, GROUND_SENSOR_Y
 from workbench.robot.ground import ground_reading
 from workbench.robot.infrared import SENSORS as RING_SENSORS
-from workbench.robot.infrared import calibrate
+from workbench.robot.infrared import calibrate, raw_reading
 from workbench.robot.motors import motor_speed
 
 
@@ -53,6 +55,7 @@ class SimulatedRobot(Robot):
         robot: which robot is driven; 0 is the leader.
         others: what the other followers follow, a policy or a classical law; default a carrot.
         realtime: whether a step takes as long as it simulates.
+        furnish, reflectance: walls and boxes, see ``arena.proximity``; with them this robot's infrared is cast by rays.
     """
 
     capabilities = frozenset(SENSORS) - {"microphone"} | {"drive", "calibrate", "led", "body_led", "front_led", "observe"}
@@ -65,12 +68,15 @@ class SimulatedRobot(Robot):
         robot: int = 1,
         others: Controller | None = None,
         realtime: bool = False,
+        furnish: Callable[[mujoco.MjSpec], None] | None = None,
+        reflectance: Mapping[str, float] | None = None,
     ) -> None:
         super().__init__(period_s=CONTROL_PERIOD if realtime else 0.0, watchdog_s=None, debug=debug)
         self.config = config if config is not None else ConvoyConfig(followers=1)
         if not 0 <= robot <= self.config.followers:
             raise ValueError(f"robot = {robot!r}; this convoy has robots 0 (the leader) to {self.config.followers}")
         self.robot, self._others = robot, others
+        self._furnish, self._reflectance = furnish, reflectance
         self.lights: dict[str, tuple[int, ...]] = {}
 
     def _open(self) -> None:
@@ -79,7 +85,10 @@ class SimulatedRobot(Robot):
         others = self._others if self._others is not None or alone else CarrotPI()
         law = others if isinstance(others, ControlLaw) else None
         theta = others.theta if isinstance(others, Policy) else None
-        self.convoy = Convoy(config, [config.seed], periods=10**12, law=law, policy=theta, external=self.robot, threads=1)
+        self.convoy = Convoy(
+            config, [config.seed], periods=10**12, law=law, policy=theta, external=self.robot, threads=1, furnish=self._furnish
+        )
+        self._rays = RayProximity(self.convoy.world, config.infrared, self._reflectance) if self._furnish else None
         self._time, self._started = 0, False
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
@@ -106,9 +115,11 @@ class SimulatedRobot(Robot):
         self.record: NDArray[np.void] = convoy.period(self._time)[0]
         self._started = True
         robots = convoy._robots[0]
-        if self.config.sensing not in INFRARED or me == 0:
+        if self.config.sensing not in INFRARED or me == 0 or self._rays is not None:
             _sense(convoy._task, robots, me, self._own.standard_normal(RING_SENSORS))
         record = robots[me]
+        if self._rays is not None:
+            self._cast(record)
         found: dict[str, tuple[float, ...]] = {"observe": (float(record["seen_distance"]), float(record["seen_bearing"]))}
         if "proximity" in sensors:
             found["proximity"] = tuple(record["prox"].tolist())
@@ -122,6 +133,16 @@ class SimulatedRobot(Robot):
             "accelerometer": (0.0, 0.0, 800.0), "selector": (10.0,), "battery": (1.0,),
         }  # fmt: skip
         return found | {sensor: speeds[sensor] for sensor in sensors if sensor in speeds}
+
+    def _cast(self, record: Any) -> None:
+        """Read the proximity sensors by rays against everything in the world."""
+        assert self._rays is not None
+        task, noise = self.convoy._task[0], self._own.standard_normal(RING_SENSORS)
+        for k, light in enumerate(self._rays.light(0, self.robot)):
+            raw = raw_reading(
+                light, record["gain"][k], record["offset"][k], record["headroom"][k], noise[k], task["ir_spread"]
+            )  # fmt: skip
+            record["prox"][k] = max(raw - record["bias"][k], 0.0)
 
     def _floor(self, record: Any) -> tuple[float, ...]:
         floor, readings = self.convoy.world.floor, []

@@ -24,6 +24,7 @@ Contract: one program thread per robot; the watchdog takes the same lock. ``capa
 else raises NotSupported. Errors of the link are RobotErrors, no others.
 """
 
+import math
 import threading
 import time
 import warnings
@@ -207,7 +208,8 @@ class Robot(Words):
         """
         speeds = []
         for name, value in (("left", left), ("right", right)):
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or value != int(value if value == value else 0):
+            number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+            if not number or value != int(value):
                 raise ValueError(f"{name} = {value!r}; expected a whole number of motor steps/s")
             if abs(value) > self.most_steps:
                 raise ValueError(f"{name} = {value!r}; expected -{self.most_steps} to {self.most_steps} steps/s")
@@ -263,6 +265,8 @@ class Robot(Words):
             self._protected(lambda: self._set_device(device, values))
             if device == "motor_position":
                 self._counted = None
+                if device in self._read:
+                    self._read[device] = tuple(float(value) for value in values)
         self._heard = time.monotonic()
 
     def _check_sensor(self, sensor: str) -> None:
