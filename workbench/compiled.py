@@ -70,6 +70,6 @@ def compiled(function: F) -> Dispatcher[F]:
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(Path(before) / NAME if before else FOLDER)  # a folder of the user's own choice is respected
     try:
-        return njit(cache=True)(function)
+        return njit(cache=True, nogil=True)(function)
     finally:
         settings.CACHE_DIR = before

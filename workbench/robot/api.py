@@ -44,6 +44,7 @@ SENSORS = (
 )  # fmt: skip
 DEVICES = ("drive", "motor_position", "calibrate", "led", "body_led", "front_led", "raw", "observe")
 WRAP = 1 << 16
+MAY_MOVE = "the robot may still be moving; stop is the first thing sent on reconnect"
 WATCHDOG_S = 0.5  # s without a word from the program after which a moving robot is stopped
 
 
@@ -299,8 +300,9 @@ class Robot(Words):
             found = self._exchange(sensors)
         except (LinkTimeout, BadReply):
             found = self._protected(lambda: self._exchange(sensors))
-        except LinkLost:
+        except LinkLost as error:
             self._lost()
+            error.add_note(MAY_MOVE)
             raise
         if "motor_position" in found:
             found["motor_position"] = self._count_on(found["motor_position"])
@@ -318,12 +320,12 @@ class Robot(Words):
                 error.add_note("stop has been sent")
             except RobotError as second:
                 sent = "was not confirmed" if isinstance(second, (LinkTimeout, BadReply)) else "could not be sent"
-                error.add_note(f"stop {sent}: the robot may still be moving; stop is the first thing sent on reconnect")
+                error.add_note(f"stop {sent}: {MAY_MOVE}")
                 self._lost()
             raise
         except LinkLost as error:
             self._lost()
-            error.add_note("the robot may still be moving; stop is the first thing sent on reconnect")
+            error.add_note(MAY_MOVE)
             raise
 
     def _lost(self) -> None:

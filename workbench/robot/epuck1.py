@@ -130,8 +130,10 @@ class SerComRobot(Robot):
             other = line
 
     def _drive(self, left: int, right: int) -> None:
-        if self.binary:  # no reply
-            self._say(binary_request(("D", left, right)))
+        if self.binary:  # D has no reply of its own: the echo of E behind it confirms that it was heard
+            told = binary_numbers(self._say(binary_request(("D", left, right), ("E",))).read(4), "h")
+            if told != (left, right):
+                raise BadReply(f"speeds {(left, right)} were sent, {told} came back")
         else:
             self._ask("D", left, right, counts=(0,))
 
