@@ -217,7 +217,7 @@ def _infrared_world() -> Sequence[Case]:
         worlds |= {
             "matched sensors": _seen(base, gain_spread=0.0), "gain spread 30 %": _seen(base, gain_spread=0.3),
             "noise × 2": _seen(base, noise=2.0), "offsets not calibrated": _seen(base, calibrated=False),
-            "bare shell, to 120 mm": _seen(replace(base, distance_m=(0.08, 0.12)), target="shell"),
+            "bare shell, to 115 mm": _seen(replace(base, distance_m=(0.08, 0.115)), target="shell"),
             "light from one side": _seen(base, ambient_counts=3000.0), "blinding light": _seen(base, ambient_counts=4000.0),
             "active beacon": _seen(base, target="beacon"),
         }  # fmt: skip

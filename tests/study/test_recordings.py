@@ -1,0 +1,214 @@
+"""Recordings: safe to kill, checked to the cell, replayed; importers of the public tables."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from workbench import paths
+from workbench.formation.config import SETTINGS
+from workbench.formation.drive import SoloFollower, drive
+from workbench.formation.simulated import SimulatedRobot
+from workbench.study import importers
+from workbench.study.recordings import POSES, Recorder, load_recording
+
+CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
+
+KILLED = """
+import sys, time
+from workbench.robot.api import Robot
+from workbench.study.recordings import Recorder
+
+class Quick(Robot):
+    capabilities = frozenset({"proximity", "motor_position"})
+    def _open(self): pass
+    def _close(self): pass
+    def _drive(self, left, right): pass
+    def _exchange(self, sensors): return {"proximity": (1.0,) * 8, "motor_position": (2.0, 3.0)}
+
+robot = Quick(period_s=0.0, watchdog_s=None)
+robot.enable("proximity", "motor_position")
+robot.connect()
+robot.step()
+for number in range(10_000):
+    recorder = Recorder(f"{sys.argv[1]}/emulated-{number}.csv", robot, link="none", real=False)
+    print(number, flush=True)
+    for row in range(60):
+        recorder.add(row / 10, robot, command=(1, 2))
+    recorder.close()
+"""
+
+
+def _record(path, rows=20, **options):
+    with SimulatedRobot(CONFIG) as robot:
+        robot.enable("proximity", "light", "floor", "motor_position")
+        with Recorder(path, robot, link="sim:", real=False, **options) as recorder:
+            for _ in range(rows):
+                robot.step()
+                robot.set_motors_speed(300, 200)
+                recorder.add(robot.time_s, robot, command=(300, 200), poses=(0.0,) * 6 if options.get("poses") else ())
+    return path
+
+
+def test_a_recording_is_loaded_as_it_was_written(tmp_path):
+    recording = load_recording(_record(tmp_path / "a.csv", config=CONFIG, poses=True))
+    assert len(recording.frame) == 20 and not recording.truncated and recording.config == CONFIG
+    assert recording.sensors == ["proximity", "light", "floor", "motor_position"]
+    np.testing.assert_allclose(recording.frame["t_s"], np.arange(20) / 10)
+    assert list(recording.frame.columns[-6:]) == POSES and (recording.frame["left_command"] == 300).all()
+    units = recording.header["units"]
+    assert units["t_s"] == "s" and units["ps0"] == "counts" and units["heading_rad_ahead"] == "rad"
+    summary = recording.summary()
+    assert summary["rate_hz"] == pytest.approx(10) and summary["complete"] and not summary["real"]
+
+
+def test_a_followers_thoughts_are_recorded_with_the_probability_of_what_it_did(tmp_path):
+    follower = SoloFollower(CONFIG, steps=150)
+    with SimulatedRobot(CONFIG) as robot:
+        robot.calibrate_proximity_sensors()
+        robot.enable("proximity")
+        with Recorder(tmp_path / "b.csv", robot, link="sim:", real=False, config=CONFIG, calibration="K") as recorder:
+            drive(robot, follower, seconds=20, watch=recorder.watch)
+    frame = load_recording(tmp_path / "b.csv").frame
+    following = frame["phase"] == 0
+    assert following.sum() > 100 and (frame.loc[following & (frame["state"] >= 0), "action"] >= 0).all()
+    assert (frame.loc[~following, "state"] == -1).all()
+    learning = frame[: int(np.argmax(follower.updates >= 0)) + 60]
+    assert frame["probability"].between(0, 1).all() and learning["probability"].min() < 0.999
+    left, right = CONFIG.levels()
+    chosen = frame[following & (frame["state"] >= 0)]
+    np.testing.assert_array_equal(chosen["left_command"], left[chosen["action"] // len(right)])
+
+
+@pytest.mark.slow
+def test_a_hundred_kills_leave_recordings_that_load(tmp_path):
+    chance = np.random.default_rng(0)
+    loaded, cut = 0, 0
+    for kill in range(100):
+        folder = tmp_path / str(kill)
+        folder.mkdir()
+        if kill % 10 == 0:  # a process for ten kills would be one kill; starting costs a second
+            batch = [
+                subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path / str(kill + k))], stdout=subprocess.PIPE)
+                for k in range(10)
+                if (tmp_path / str(kill + k)).mkdir(exist_ok=True) is None
+            ]
+        process = batch[kill % 10]
+        process.stdout.readline()  # it records
+        time.sleep(float(chance.uniform(0, 0.03)))
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        process.stdout.close()
+        for path in folder.glob("*.json"):
+            if path.name.endswith(".tmp"):
+                continue
+            recording = load_recording(path.with_suffix(".csv"))
+            loaded += 1
+            cut += not recording.header["complete"]
+            np.testing.assert_array_equal(recording.frame["ps3"].to_numpy(), np.ones(len(recording.frame)))
+    assert loaded > 100 and cut >= 80  # nearly every kill struck an open recording
+
+
+def test_a_half_written_last_line_is_dropped_and_reported(tmp_path):
+    path = _record(tmp_path / "c.csv")
+    side = path.with_suffix(".json")
+    header = json.loads(side.read_text())
+    side.write_text(json.dumps(header | {"complete": False, "sha256": None}))
+    path.write_bytes(path.read_bytes()[:-7])
+    recording = load_recording(path)
+    assert recording.truncated and len(recording.frame) == 19
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda rows: rows.__setitem__(5, ["x", *rows[5][1:]]), "row 5, column t_s: 'x'; expected a number"),
+        (lambda rows: rows.__setitem__(5, [rows[4][0], *rows[5][1:]]), "row 5, column t_s: 0.3 after 0.3; expected rising"),
+        (lambda rows: rows.__setitem__(5, rows[5][:-1]), "row 5: 25 columns; expected 26"),
+        (lambda rows: [row.__setitem__(0, str(float(row[0]) + 3)) for row in rows[5:]], "row 5, column t_s: 3.1 s without a row"),
+        (lambda rows: [row.__setitem__(0, str(float(row[0]) * 2)) for row in rows[1:]], "5 rows a second; its sidecar says 10"),
+        (lambda rows: rows[7].__setitem__(1, "4096"), "row 7, column ps0: 4096; expected a number from 0 to 4095"),
+        (lambda rows: rows[7].__setitem__(1, "nan"), "row 7, column ps0: nan"),
+        (lambda rows: rows[3].__setitem__(22, "0.5"), "row 3, column state: 0.5; expected a whole number"),
+        (lambda rows: rows[0].__setitem__(0, "time"), "row 0: columns"),
+    ],
+)
+def test_the_first_thing_that_is_wrong_is_named_by_row_and_column(tmp_path, edit, message):
+    path = _record(tmp_path / "d.csv")
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    edit(rows)
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    side = path.with_suffix(".json")
+    side.write_text(json.dumps(json.loads(side.read_text()) | {"complete": False}))
+    with pytest.raises(ValueError, match=message.replace("(", r"\(")):
+        load_recording(path)
+
+
+def test_a_changed_recording_is_refused_by_its_hash(tmp_path):
+    path = _record(tmp_path / "e.csv")
+    path.write_text(path.read_text().replace("300", "301"))
+    with pytest.raises(ValueError, match="not what its sidecar's sha256 says"):
+        load_recording(path)
+
+
+def test_recordings_are_never_overwritten_and_named_as_what_they_are(tmp_path):
+    path = _record(tmp_path / "f.csv")
+    with pytest.raises(FileExistsError, match="never overwritten"):
+        _record(path)
+    with pytest.raises(ValueError, match="ends in .csv"):
+        _record(tmp_path / "g.txt")
+    with pytest.raises(FileNotFoundError, match="expected the .csv"):
+        load_recording(tmp_path / "none.csv")
+
+
+def test_shipped_recordings_are_emulated_say_so_and_load():
+    folder = paths.DATA / "recordings"
+    files = sorted(folder.glob("*.csv"))
+    assert files and {path.suffix for path in folder.iterdir()} <= {".csv", ".json", ".md"}
+    for path in files:
+        recording = load_recording(path)
+        assert path.name.startswith("emulated") and recording.header["complete"] and not recording.header["real"]
+        assert "emulated" in recording.header["note"] and recording.config is not None
+        assert path.stat().st_size < 300_000
+
+
+def test_importers_read_the_public_tables_and_name_what_is_wrong(tmp_path):
+    box = tmp_path / "tum_epuck1_box_bearing"
+    box.mkdir()
+    rows = [" ".join(str(100 + 10 * k + row) for k in range(8)) for row in range(36)]
+    (box / "proximity_values.txt").write_text("\n".join(rows) + "\n")
+    sweep = importers.tum_box_sweep(tmp_path)
+    assert sweep.shape == (36, 9) and sweep["bearing_deg"].iloc[0] == -180 and sweep["ps7"].iloc[35] == 205
+    (box / "proximity_values.txt").write_text("\n".join([*rows[:4], "1 2 3", *rows[5:]]))
+    with pytest.raises(ValueError, match="row 5: 3 columns; expected 8"):
+        importers.tum_box_sweep(tmp_path)
+    (box / "proximity_values.txt").write_text("\n".join(rows[:20]))
+    with pytest.raises(ValueError, match="has 20 rows; expected 36"):
+        importers.tum_box_sweep(tmp_path)
+    wii = tmp_path / "wii42_epuck2_ir_ground"
+    wii.mkdir()
+    (wii / "IRsensors.csv").write_text("step,ps0,ps1,ps2,ps3,ps4,ps5,ps6,ps7,\n0,1,2,3,4,5,6,7,8,\n1,1,2,3,4,5,6,7,8,\n")
+    runs = importers.wii42_backing_off(tmp_path)
+    assert runs["IRsensors"]["row_mm"].tolist() == pytest.approx([0, 0.597]) and "t_s" not in runs["IRsensors"]
+    (wii / "IRsensors.csv").write_text("step,ps0,ps1,ps2,ps3,ps4,ps5,ps6,ps7,\n0,1,2,3,x,5,6,7,8,\n")
+    with pytest.raises(ValueError, match="row 1, column ps3: 'x'; expected a number"):
+        importers.wii42_backing_off(tmp_path)
+    with pytest.raises(FileNotFoundError, match="Gsensors"):
+        importers.wii42_ground(tmp_path)
+    ttu = tmp_path / "ttu_epuck2_leader_follower"
+    ttu.mkdir()
+    pd.DataFrame({"timestamp_s": [0, 0.1], "leader_position_m": [0, 0.01]}).to_csv(ttu / "epuck-exp-1.csv", index=False)
+    drives = importers.ttu_drives(tmp_path)
+    assert list(drives["epuck-exp-1"].columns) == ["t_s", "leader_position_m"]
+
+
+def test_a_missing_recording_folder_is_told(tmp_path):
+    with pytest.raises(FileNotFoundError, match="WORKBENCH_RECORDINGS has to name"):
+        importers.tum_box_sweep(tmp_path)
