@@ -24,8 +24,10 @@ def track(robot: Any, found: bool, x: float, y: float, heading: float, dt: float
         robot.mv = robot.mw = 0.0
         if robot.tracked:
             span = dt * (robot.missed + 1)
-            robot.mv = ((x - robot.sx) * c + (y - robot.sy) * s) / span
-            robot.mw = math.atan2(s * robot.sc - c * robot.ss, c * robot.sc + s * robot.ss) / span
+            turned = math.atan2(s * robot.sc - c * robot.ss, c * robot.sc + s * robot.ss)
+            middle = heading - turned / 2
+            robot.mv = ((x - robot.sx) * math.cos(middle) + (y - robot.sy) * math.sin(middle)) / span
+            robot.mw = turned / span
         robot.sx, robot.sy, robot.sc, robot.ss = x, y, c, s
         robot.mx, robot.my, robot.mc, robot.ms = x, y, c, s
         robot.missed, robot.tracked = 0, 1
@@ -34,11 +36,11 @@ def track(robot: Any, found: bool, x: float, y: float, heading: float, dt: float
     if robot.missed > LONGEST_GAP:
         robot.tracked = 0
         return
+    heading = math.atan2(robot.ms, robot.mc)
     turned = robot.mw * dt
-    c, s = math.cos(turned), math.sin(turned)
-    robot.mc, robot.ms = robot.mc * c - robot.ms * s, robot.ms * c + robot.mc * s
-    robot.mx += robot.mv * robot.mc * dt
-    robot.my += robot.mv * robot.ms * dt
+    robot.mx += robot.mv * math.cos(heading + turned / 2) * dt  # along the arc's chord
+    robot.my += robot.mv * math.sin(heading + turned / 2) * dt
+    robot.mc, robot.ms = math.cos(heading + turned), math.sin(heading + turned)
 
 
 @compiled

@@ -80,6 +80,43 @@ def drive_robot(
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
 
 
+def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
+    """Record three emulated robots over their real protocols, in real time; return the names of the recordings (data/recordings/).
+
+    An e-puck1 learns on raw readings over its serial line, one behind an Overo follows greedily, an e-puck2 follows on metric
+    ones.
+    """
+    from workbench.arena.emulator import Emulator
+    from workbench.formation.simulated import SimulatedRobot
+    from workbench.study.runs import learn
+
+    names = []
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    base = replace(SETTINGS["infrared"], followers=1, state_tiles=(5, 5), action_levels=(3, 3))
+    for name, protocol, sensing, learning in (
+        ("emulated_epuck1_learning", "epuck1", "ir-raw", True), ("emulated_overo_following", "overo", "ir-raw", False),
+        ("emulated_epuck2_following", "epuck2", "ir-metric", False),
+    ):  # fmt: skip
+        config = replace(base, sensing=sensing)
+        run = learn(replace(config, drive="planar"), steps=60_000, progress=False)
+        assert isinstance(run.policy, Policy)
+        follower = SoloFollower(config, run.policy, steps=10_000 if learning else 0)
+        with Emulator(SimulatedRobot(config.with_seed(7)), protocol) as emulator, open_robot(emulator.url) as robot:
+            robot.enable(
+                *(sensor for sensor in ("proximity", "light", "floor", "motor_position") if sensor in robot.capabilities)
+            )
+            calibration = _calibrate(robot)
+            recorder = Recorder(
+                place / f"{name}.csv", robot, link=protocol, real=False, config=config, calibration=calibration,
+                note=f"emulated: simulated physics behind the {protocol} protocol on a real wire, in real time; no real robot",
+            )  # fmt: skip
+            with recorder:
+                drive(robot, follower, seconds=seconds, watch=recorder.watch)
+        names.append(f"{name}.csv")
+    return names
+
+
 def record_robot(
     url: str, out: str | Path, *, seconds: float, speeds: tuple[int, int] = (0, 0), real: bool = False
 ) -> dict[str, Any]:
