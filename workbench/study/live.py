@@ -81,7 +81,7 @@ def drive_robot(
 
 
 def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
-    """Record three emulated robots over their real protocols, in real time; return the names of the recordings (data/recordings/).
+    """Record three emulated robots over their real protocols, in real time, as data/recordings/ was made; return their names.
 
     An e-puck1 learns on raw readings over its serial line, one behind an Overo follows greedily, an e-puck2 follows on metric
     ones.
