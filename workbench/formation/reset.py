@@ -11,9 +11,9 @@ again and can restart learning in a new episode." As a state machine, in phases:
     SEARCH ──no sight──▶ LOST    stand still; start again when the predecessor is in sight
 
 With sensing "truth" the predecessor is known anywhere, as with the paper's camera; ``sight_m`` bounds it. A robot that has
-nothing but its own infrared sees 15 cm far. It then searches where it saw its predecessor last: it turns there, drives on
-faster than the leader while it swings its nose by 30° to both sides, and after six seconds gives up (our choice: the paper says
-nothing). It never turns far enough to take the robot behind it for the one in front.
+nothing but its own infrared sees 15 cm far. It then searches where it saw its predecessor last: it turns there, drives on at
+full speed for half a second or more, then swings its nose by 30° to both sides, and after six seconds gives up (our choice: the
+paper says nothing). It never turns far enough to take the robot behind it for the one in front.
 
 Contract: ``manoeuvre`` reads and writes one follower's record; counts are in control periods.
 """
@@ -104,7 +104,9 @@ def _turn_to(bearing: float) -> tuple[int, int]:
 @compiled
 def drive_on(timer: int, sought: float) -> tuple[int, int]:
     """Return commands of the search with own senses: to where the predecessor was seen last, then on, swinging."""
-    if abs(sought) >= TOLERANCE and timer < 2 * _HALF_SWING:
+    if timer < _HALF_SWING and abs(sought) >= TOLERANCE:
         return _turn_to(sought)
+    if timer < 2 * _HALF_SWING:
+        return MAX_STEPS, MAX_STEPS
     swing = _SWING if (timer + _HALF_SWING // 2) // _HALF_SWING % 2 else -_SWING
     return _DRIVE_ON - swing, _DRIVE_ON + swing

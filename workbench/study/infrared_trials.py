@@ -96,6 +96,12 @@ def recoveries(events: NDArray[np.int16]) -> tuple[int, int]:
     return recovered, losses
 
 
+def _start(robot: SimulatedRobot, config: ConvoyConfig, policy: Policy) -> SoloFollower:
+    if config.infrared.calibrated:
+        robot.calibrate_proximity_sensors()
+    return SoloFollower(config, policy)
+
+
 def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, float]:
     """Follow greedily behind one leader, held still for up to a second again and again; count what recovers in ten seconds."""
     rng = np.random.default_rng([config.seed, *b"holds"])
@@ -103,9 +109,7 @@ def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, fl
     recovered, lost = 0, 0
     with SimulatedRobot(config) as robot:
         robot.enable("proximity", "light")
-        if config.infrared.calibrated:
-            robot.calibrate_proximity_sensors()
-        follower = SoloFollower(config, policy)
+        follower = _start(robot, config, policy)
 
         def follow() -> bool:
             robot.step()
@@ -125,4 +129,7 @@ def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, fl
                 if back and (lost > losses_before or period >= LONGEST_HOLD):
                     recovered += 1
                     break
+            else:  # the leader is gone: the next hold begins behind it again
+                robot.reset()
+                follower = _start(robot, config, policy)
     return {"holds": float(count), "holds_recovered": recovered / count, "holds_that_lost": lost / count}
