@@ -67,7 +67,7 @@ def budget(table: pd.DataFrame, ax: Axes, *, column: str, label: str) -> Axes:
     unit = "mm" if column == "position" else "deg"
     names = [f"{low:g}–{high:g}" for low, high in table[["from_m", "to_m"]].drop_duplicates().to_numpy()]
     for number, (key, part) in enumerate(table.groupby(["conditions", "calibration"], sort=False)):
-        conditions, calibration = key  # type: ignore[misc]  # the two columns
+        conditions, calibration = key
         x = np.arange(len(part)) + 0.16 * (number - 1.5)
         middle, high = part[f"{column}_median_{unit}"].to_numpy(), part[f"{column}_p95_{unit}"].to_numpy()
         ax.errorbar(

@@ -200,10 +200,12 @@ def _infrared() -> Sequence[Case]:
     sizes = {"9×9 states, 7×7 actions": ((9, 9), (7, 7)), "5×5 states, 3×3 actions": ((5, 5), (3, 3))}
     base = replace(SETTINGS["infrared"], drive="wheels")
     cases: list[Case] = []
-    for route in INFRARED:
-        for name, (states, actions) in sizes.items():
-            config = replace(base, sensing=route, state_tiles=states, action_levels=actions)
-            cases.append(({"route": route, "table": name}, config))
+    for followers, steps in ((1, 100_000), (4, 300_000)):
+        for route in INFRARED:
+            for name, (states, actions) in sizes.items():
+                config = replace(base, followers=followers, sensing=route, state_tiles=states, action_levels=actions)
+                trial = Trial(config=config, steps=steps, minutes=10.0)
+                cases.append(({"followers": followers, "route": route, "table": name}, trial))
     return cases
 
 
@@ -264,14 +266,7 @@ STUDIES = {
         Study("controllers", "How does the learner compare with classical control (E10)?", _controllers, measure_motion),
         Study("rivals", "What do other linear learners do in its place?", _rivals, measure_rival, minutes=10.0, seeds=30),
         Study("camera", "Does the full run keep its quality through a camera (N1)?", _camera, measure_camera, 1_300_000, 30.0),
-        Study(
-            "infrared",
-            "Do followers learn with two infrared sensors alone, on both routes?",
-            _infrared,
-            measure_infrared,
-            300_000,
-            10.0,
-        ),
+        Study("infrared", "Do followers learn with two infrared sensors alone, on both routes?", _infrared, measure_infrared),
         Study(
             "infrared-world",
             "What do targets, mismatch, light and distortion change for infrared?",
