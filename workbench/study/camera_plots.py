@@ -34,7 +34,10 @@ def marked(image: NDArray[np.uint8], camera: Camera, found: Mapping[int, tuple[f
         tip = middle + 2.2 * (front - middle)
         ends = [tuple(int(value) for value in point) for point in (middle, tip)]
         cv2.arrowedLine(colour, ends[0], ends[1], _BLUE, 3, cv2.LINE_AA, tipLength=0.3)
-        cv2.putText(colour, str(number), (int(tip[0]) + 8, int(tip[1])), cv2.FONT_HERSHEY_SIMPLEX, 0.9, _BLUE, 2, cv2.LINE_AA)
+        beside = middle - 1.6 * (front - middle)
+        cv2.putText(
+            colour, str(number), (int(beside[0]) - 10, int(beside[1]) + 34), cv2.FONT_HERSHEY_SIMPLEX, 0.9, _BLUE, 2, cv2.LINE_AA
+        )
     return np.asarray(colour, np.uint8)
 
 
