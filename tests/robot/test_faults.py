@@ -2,7 +2,7 @@
 
 import struct
 import time
-import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, RobotError
 from workbench.robots import open_robot
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
-TIMEOUT = 0.05
+TIMEOUT = 0.15  # a busy machine answers late
 LONGEST = 1.0  # s
 
 
@@ -38,8 +38,15 @@ def _is_stop(data, protocol):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("protocol", "binary"), [("epuck1", False), ("overo", True), ("epuck2", False)])
-def test_a_thousand_injected_faults_leave_a_stopped_robot_and_documented_errors_only(protocol, binary):
+def test_a_thousand_injected_faults_leave_a_stopped_robot_and_documented_errors_only():
+    wires = [("epuck1", False), ("overo", True), ("epuck2", False)]
+    with ThreadPoolExecutor(len(wires)) as pool:  # mostly waiting
+        injected = sum(pool.map(lambda wire: _inject(*wire), wires))
+    assert injected >= 1000
+
+
+def _inject(protocol, binary):
+    """Inject faults into one kind of link; return how many."""
     chance = np.random.default_rng(sum(protocol.encode()))
     # late replies take half a second and closed terminals a new one: seldom
     kinds = [kind for kind in FAULTS if not (protocol != "epuck2" and kind in ("hang up", "half open"))]
@@ -49,7 +56,7 @@ def test_a_thousand_injected_faults_leave_a_stopped_robot_and_documented_errors_
         options = {} if protocol == "epuck2" else {"binary": binary}
         robot = open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT, watchdog_s=None, **options)
         robot.enable("proximity")
-        for _ in range(200):
+        for _ in range(150):
             if not robot.is_connected():
                 emulator._faults.clear()
                 emulator._deaf = False
@@ -81,11 +88,10 @@ def test_a_thousand_injected_faults_leave_a_stopped_robot_and_documented_errors_
             emulator._deaf = False
             if "late" in chosen:
                 time.sleep(0.6)  # until the emulator listens again
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # closing may find the link gone
-            robot.disconnect()
+        robot.disconnect()
     assert slowest < LONGEST
-    assert injected > 334 and raised > 50 and stopped > 10
+    assert raised > 50 and stopped > 10
+    return injected
 
 
 @pytest.mark.parametrize("protocol", ["epuck1", "epuck2"])
