@@ -35,7 +35,7 @@ def test_an_edit_of_a_called_module_takes_effect_at_the_next_start(tmp_path):
     source = tmp_path / "workbench" / "robot" / "ground.py"
     text = source.read_text()
     assert text.count("return min(max(share, 0.0), 1.0)") == 1
-    source.write_text(text.replace("return min(max(share, 0.0), 1.0)", "return min(max(share, 0.0), 0.5)"))
+    source.write_text(text.replace("return min(max(share, 0.0), 1.0)", "return min(max(share, 0.0), 0.1)"))
     edited = _run(tmp_path)
     assert first == again != edited
     folders = list((tmp_path / "workbench" / "__pycache__").glob("numba-*"))

@@ -69,7 +69,7 @@ def test_unknown_names_are_refused_with_the_valid_ones(cls):
         (lambda: ConvoyConfig(compute_time_s=1e-12), "compute_time_s = 1e-12; expected a multiple of 0.01 s"),
         (lambda: ConvoyConfig(compute_time_s=0.015), "compute_time_s = 0.015; expected a multiple of 0.01 s"),
         (lambda: ConvoyConfig(drive="planar", compute_time_s=0.03), "expected a multiple of 0.02 s"),
-        (lambda: ConvoyConfig(sensing="camera"), "sensing = 'camera'; expected one of 'truth'"),
+        (lambda: ConvoyConfig(sensing="radar"), "sensing = 'radar'; expected one of 'truth'"),
         (lambda: ConvoyConfig(drive="weels"), "did you mean 'wheels'"),
         (lambda: TrackConfig(wavelengths_m=(0.3, 0.1)), "shortest < longest"),
         (lambda: LearnerConfig(gamma=0.999, lam=1.0), "gamma \\* lam = 0.999 with epsilon = 0.05"),

@@ -16,7 +16,7 @@ def test_white_and_black_read_what_real_sensors_read(module, sensor):
 
 @pytest.mark.parametrize("dark", [0.0, 0.25, 0.5, 1.0])
 def test_calibration_inverts_the_reading_within_a_count(dark):
-    for white, black in zip(WHITE, MODULES["gray"], strict=True):
+    for white, black in zip(WHITE, MODULES["a"], strict=True):
         assert darkness(ground_reading(dark, white, black, 0.0), white, black) == pytest.approx(dark, abs=1 / 600)
 
 

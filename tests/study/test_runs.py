@@ -117,10 +117,10 @@ def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
     with pytest.raises(ValueError, match="the stored run lacks sample_lengths, sample_starts, samples, sums, visits"):
         load_run(tmp_path / "other")
     (tmp_path / "run" / "config.json").write_text('{"schema": 1}')
-    with pytest.raises(ValueError, match="is not a run of schema 3"):
+    with pytest.raises(ValueError, match="is not a run of schema 4"):
         load_run(tmp_path / "run")
     (tmp_path / "run" / "config.json").write_text('{"schema": 99}')
-    with pytest.raises(ValueError, match="is not a run of schema 3"):
+    with pytest.raises(ValueError, match="is not a run of schema 4"):
         load_run(tmp_path / "run")
 
 

@@ -69,8 +69,8 @@ class ControlLaw:
             enough = [law.name for law in LAWS.values() if set(law.needs) <= set(given)]
             raise ValueError(
                 f"law {self.name!r} needs the predecessor's {', '.join(missing)}, which sensing = {config.sensing!r} does not "
-                f"give (it gives: {', '.join(given)}); use sensing = {' or '.join(map(repr, modes))}, or a law that needs less: "
-                f"{', '.join(enough)}"
+                f"give (it gives: {', '.join(given)}); use sensing = {' or '.join(map(repr, modes))}, "
+                + (f"or a law that needs less: {', '.join(enough)}" if enough else "no law does with less")
             )
 
     def sha256(self) -> str:

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench import fields
+from workbench.arena.camera_config import CameraConfig
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import INFRARED, SETTINGS, TILINGS, ConvoyConfig
+from workbench.formation.config import SETTINGS, TILINGS, ConvoyConfig
 from workbench.learning.config import PRESETS, RULES, LearnerConfig
 from workbench.study.camera_trials import measure_camera
-from workbench.study.infrared_trials import measure_infrared
 from workbench.study.motion_trials import measure_motion, measure_rival, measure_stability
 from workbench.study.trials import CONTROLLERS, Trial, measure, measure_sections, measure_widely
 
@@ -194,15 +194,15 @@ def _rivals() -> Sequence[Case]:
     return cases
 
 
-def _infrared() -> Sequence[Case]:
-    sizes = {"9×9 states, 7×7 actions": ((9, 9), (7, 7)), "5×5 states, 3×3 actions": ((5, 5), (3, 3))}
-    base = replace(SETTINGS["infrared"], drive="wheels")
-    cases: list[Case] = []
-    for route in INFRARED:
-        for name, (states, actions) in sizes.items():
-            config = replace(base, followers=1, sensing=route, state_tiles=states, action_levels=actions)
-            cases.append(({"route": route, "table": name}, Trial(config=config, steps=100_000, minutes=10.0)))
-    return cases
+def _camera() -> Sequence[Case]:
+    bad = CameraConfig(conditions="bad", latency_s=0.1, dropout=0.1)
+    base = ConvoyConfig(drive="planar", sensing="camera")
+    return [
+        ({"drive": "planar", "sensing": "truth"}, replace(base, sensing="truth")),
+        ({"drive": "planar", "sensing": "camera"}, base),
+        ({"drive": "planar", "sensing": "bad camera"}, replace(base, camera=bad)),
+        ({"drive": "wheels", "sensing": "camera"}, replace(base, drive="wheels")),
+    ]
 
 
 STUDIES = {
@@ -229,6 +229,5 @@ STUDIES = {
         Study("controllers", "How does the learner compare with classical control (E10)?", _controllers, measure_motion),
         Study("rivals", "What do other linear learners do in its place?", _rivals, measure_rival, minutes=10.0, seeds=30),
         Study("camera", "Does the full run keep its quality through a camera (N1)?", _camera, measure_camera, 1_300_000, 30.0),
-        Study("infrared", "Do followers learn with two infrared sensors alone, on both routes?", _infrared, measure_infrared),
     )
 }
