@@ -143,7 +143,7 @@ def test_sensed_poses_of_model_and_pixels_have_the_same_errors(conditions):
             rows.append(
                 [
                     (r["mx"] - r["x"], r["my"] - r["y"], math.atan2(r["ms"], r["mc"]) - math.atan2(r["s"], r["c"]))
-                    for r in convoy._robots[0, :2]
+                    for r in convoy.robots[0, :2]
                 ]
             )
             convoy.world.step()
@@ -163,7 +163,7 @@ def test_a_camera_that_shows_nothing_puts_the_predecessor_out_of_sight():
     config = ConvoyConfig(followers=1, drive="planar", sensing="camera", camera=CameraConfig(dropout=1.0))
     convoy = Convoy(config, [1], periods=10, policy=np.zeros((1, 81, 49)), external=1)
     convoy.period(0)
-    assert convoy._robots[0, 1]["seen_distance"] == UNSEEN
+    assert convoy.robots[0, 1]["seen_distance"] == UNSEEN
 
 
 def test_dropouts_are_bridged(policy):

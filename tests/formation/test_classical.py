@@ -95,7 +95,7 @@ class _Driven:
 
     def __init__(self, law, **changes):
         self.config = ConvoyConfig(followers=1, drive="planar", **changes)
-        self.task = Convoy(self.config, [1], periods=1, law=law)._task
+        self.task = Convoy(self.config, [1], periods=1, law=law).task
         self.follower, self.step = np.zeros(1, FOLLOWER), np.zeros(1, STEP)
         self.follower["state"] = -1
         empty = new_trace(self.config.rows * self.config.actions)
@@ -312,5 +312,5 @@ def test_a_restart_voids_what_was_measured_of_the_predecessor():
     while not convoy.finished:
         block = convoy.run_block()[0]
         lost += np.count_nonzero(block["event"] & LOSS)
-        assert np.abs(convoy._robots["speed"]).max() < 0.15  # a jump back to the start would be read as metres per second
+        assert np.abs(convoy.robots["speed"]).max() < 0.15  # a jump back to the start would be read as metres per second
     assert lost > 3

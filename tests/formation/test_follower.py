@@ -30,7 +30,7 @@ class _Robot:
 
     def __init__(self, tilings=1, **learner):
         self.config = ConvoyConfig(followers=1, drive="planar", tilings=tilings, learner=LearnerConfig(**learner))
-        self.task = Convoy(self.config, [1], steps=1000)._task
+        self.task = Convoy(self.config, [1], steps=1000).task
         pairs = self.config.rows * self.config.actions
         self.follower, self.step = np.zeros(1, FOLLOWER), np.zeros(1, STEP)
         self.follower["state"], self.follower["learns"] = -1, 1

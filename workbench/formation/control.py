@@ -143,14 +143,15 @@ def _know_ahead(robot: Any, ahead: Any) -> None:
 @compiled
 def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
     """Read the three ground sensors under the leader and follow the line with them."""
-    left = _read_ground(task, floor, leader, 0, noise[0])
-    centre = _read_ground(task, floor, leader, 1, noise[1])
-    right = _read_ground(task, floor, leader, 2, noise[2])
+    left = read_ground(task, floor, leader, 0, noise[0])
+    centre = read_ground(task, floor, leader, 1, noise[1])
+    right = read_ground(task, floor, leader, 2, noise[2])
     return follow_line(leader, left, centre, right, task.leader_steps)
 
 
 @compiled
-def _read_ground(task: Any, floor: Any, leader: Any, k: int, noise: float) -> float:
-    x = leader.x + leader.c * GROUND_SENSOR_X - leader.s * GROUND_SENSOR_Y[k]
-    y = leader.y + leader.s * GROUND_SENSOR_X + leader.c * GROUND_SENSOR_Y[k]
-    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), leader.white[k], leader.black[k], noise)
+def read_ground(task: Any, floor: Any, robot: Any, k: int, noise: float) -> float:
+    """Return ground sensor k of a robot in counts: 0 left, 1 centre, 2 right; noise is a standard normal number."""
+    x = robot.x + robot.c * GROUND_SENSOR_X - robot.s * GROUND_SENSOR_Y[k]
+    y = robot.y + robot.s * GROUND_SENSOR_X + robot.c * GROUND_SENSOR_Y[k]
+    return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), robot.white[k], robot.black[k], noise)

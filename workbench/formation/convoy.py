@@ -4,7 +4,7 @@ A convoy runs B formations side by side, one per seed, each with its own track, 
 period one compiled call (``formation.control``) senses, acts and learns for every robot of every formation, and one call steps
 MuJoCo.
 
-Chance: one SeedSequence per formation with named children (track, sensor, policy, noise), drawn in advance for a whole block.
+Chance: named generators of every formation's seed (``formation.chance``), drawn in advance for a whole block.
 
 >>> convoy = Convoy(ConvoyConfig(followers=1, drive="planar"), [1], steps=50)
 >>> block = convoy.run_block()
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World
 from workbench.formation.camera_sense import Eyes
+from workbench.formation.chance import CHILDREN, children, own_chance
 from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.control import DIVERGED, FORMATION, control_step
@@ -40,7 +41,6 @@ from workbench.robot.ground import MODULES, WHITE
 from workbench.robot.infrared import SENSORS, calibrate, draw_units
 
 BLOCK = 2500  # control periods
-CHILDREN = ("track", "sensor", "policy", "noise", "infrared", "units", "camera", "hidden", "lens", "pictures", "covered")
 
 _UNUSED = np.zeros((), STEP)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
@@ -64,6 +64,8 @@ class Convoy:
     Attributes:
         world: the physics, open to every use.
         weights: (B, tables, 2, rows * actions) main and secondary weights.
+        task: (1,) record of type TASK.
+        robots: (B, followers + 1) records of type FOLLOWER, robot 0 the leader.
         updates: (B,) learning updates done.
         finished: whether all formations have used up their steps or periods.
     """
@@ -92,7 +94,7 @@ class Convoy:
             law.check(config)
         self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
-        self._rngs = [_children(seed) for seed in seeds]
+        self._rngs = [children(seed) for seed in seeds]
         tracks = [_track(config, rng["track"]) for rng in self._rngs]
         self.world = World(
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
@@ -109,26 +111,27 @@ class Convoy:
         self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
         limit = periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
         self._formations["last_period"] = limit
-        self._robots = np.zeros((count, n + 1), FOLLOWER)
-        self._robots["state"] = -1
+        self.robots = np.zeros((count, n + 1), FOLLOWER)
+        self.robots["state"] = -1
         self._first_memory = -1.0 if config.track.direction == "clockwise" else 1.0
-        self._robots["memory"] = self._first_memory
+        self.robots["memory"] = self._first_memory
         black = MODULES[config.ground]
-        self._robots["white"] = self._robots["knows_white"] = WHITE
-        self._robots["black"], self._robots["knows_black"] = black, black if config.ground_calibrated else MODULES["a"]
+        self.robots["white"] = self.robots["knows_white"] = WHITE
+        self.robots["black"], self.robots["knows_black"] = black, black if config.ground_calibrated else MODULES["a"]
         if self.weights.shape[1] > 1:
-            self._robots["table"][:, 1:] = np.arange(n)
+            self.robots["table"][:, 1:] = np.arange(n)
         if steps:
-            self._robots["learns"][:, 1:] = 1
+            self.robots["learns"][:, 1:] = 1
             if config.weights == "first":
-                self._robots["learns"][:, 2:] = 0
-        self._task = fill_task(config, horizon or steps, law)
-        self._task["column0"], self._task["row0"] = self.world.floor.column0, self.world.floor.row0
+                self.robots["learns"][:, 2:] = 0
+        self.task = fill_task(config, horizon or steps, law)
+        self.task["column0"], self.task["row0"] = self.world.floor.column0, self.world.floor.row0
         if external is not None:
             if not 0 <= external <= n:
                 raise ValueError(f"external = {external!r}; this convoy has robots 0 (the leader) to {n}")
-            self._task["external"] = external
-        self._fit_sensors()
+            self.task["external"] = external
+        if config.sensing in INFRARED or external is not None:
+            self._fit_sensors()
         # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or normal
         self._draws = [("sensor", 3, False), ("policy", n, True)]
         if config.noisy:
@@ -144,7 +147,7 @@ class Convoy:
         self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
-            self._task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self._robots,
+            self.task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self.robots,
             self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
             self._sights, self._lens,
         )  # fmt: skip
@@ -174,7 +177,7 @@ class Convoy:
     @property
     def trace_entries(self) -> NDArray[np.int64]:
         """(B, followers) entries of each follower's eligibility trace now."""
-        entries: NDArray[np.int64] = self._robots["trace"][:, 1:].copy()
+        entries: NDArray[np.int64] = self.robots["trace"][:, 1:].copy()
         return entries
 
     def run_block(self) -> NDArray[np.void]:
@@ -240,7 +243,7 @@ class Convoy:
         """Return everything that the next block depends on, as copies of plain arrays."""
         chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self._rngs]
         return {
-            "physics": self.world.states.copy(), "robots": self._robots.copy(), "formations": self._formations.copy(),
+            "physics": self.world.states.copy(), "robots": self.robots.copy(), "formations": self._formations.copy(),
             "weights": self.weights.copy(), "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
             "trace_values": self._trace_values[:, :, :1].copy(),
             "chance": np.array(json.dumps(chance)),
@@ -258,12 +261,12 @@ class Convoy:
                 found = state[name].shape if name in state else "nothing"
                 raise ValueError(f"state[{name!r}] is {found}, expected {array.shape}; load into an equal convoy")
         self.world.states[:] = state["physics"]
-        self._robots[:], self._formations[:] = state["robots"], state["formations"]
+        self.robots[:], self._formations[:] = state["robots"], state["formations"]
         self.weights[:] = state["weights"]
         self._trace_ids[:, :, :2], self._trace_values[:, :, :1] = state["trace_ids"], state["trace_values"]
-        for rng, children in zip(self._rngs, json.loads(str(state["chance"])), strict=True):
+        for rng, stored in zip(self._rngs, json.loads(str(state["chance"])), strict=True):
             for name in CHILDREN:
-                rng[name].bit_generator.state = children[name]
+                rng[name].bit_generator.state = stored[name]
 
     def tables(self, formation: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return copies of a formation's main and secondary weights, each (tables, rows, actions)."""
@@ -288,7 +291,7 @@ class Convoy:
             else:
                 table, view = camera.bias_table()
                 if b == 0:
-                    self._lens, self._task["cam_view"] = np.zeros((len(self.seeds), *table.shape)), view
+                    self._lens, self.task["cam_view"] = np.zeros((len(self.seeds), *table.shape)), view
                 self._lens[b] = table
 
     def look(self) -> None:
@@ -296,12 +299,12 @@ class Convoy:
         for b, eyes in enumerate(self._eyes):
             if not self._formations[b]["done"]:
                 poses = np.array([self.world.pose(b, robot) for robot in range(self.world.robots)])
-                eyes.look(int(self._formations[b]["periods"]), self._robots[b], poses, self._sights[b])
+                eyes.look(int(self._formations[b]["periods"]), self.robots[b], poses, self._sights[b])
 
     def _fit_sensors(self) -> None:
         """Give every robot infrared sensors of its own, and let it calibrate them."""
         infrared = self.config.infrared
-        for robots, rng, seed in zip(self._robots, self._rngs, self.seeds, strict=True):
+        for robots, rng, seed in zip(self.robots, self._rngs, self.seeds, strict=True):
             for number, robot in enumerate(robots):
                 robot["gain"], robot["offset"] = draw_units(rng["units"], infrared)
                 if infrared.calibrated:
@@ -325,10 +328,10 @@ class Convoy:
             self.world.restart(b)
             self._waiting[b] = 0
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
-            self._robots[b, 0]["memory"], self._robots[b, 0]["timer"] = self._first_memory, 0
-            self._robots[b]["pc"] = self._robots[b]["ps"] = 0.0  # what was measured of the last period is void
-            self._robots[b]["tracked"] = 0
-            for robot, ids in zip(self._robots[b, 1:], self._trace_ids[b], strict=True):
+            self.robots[b, 0]["memory"], self.robots[b, 0]["timer"] = self._first_memory, 0
+            self.robots[b]["pc"] = self.robots[b]["ps"] = 0.0  # what was measured of the last period is void
+            self.robots[b]["tracked"] = 0
+            for robot, ids in zip(self.robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
                 robot["phase"], robot["timer"] = FOLLOW, 0
         self._formations["restart"] = 0
@@ -385,24 +388,8 @@ def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
 
 def track_of(config: ConvoyConfig) -> Track:
     """Return the track that a formation of this configuration drives on."""
-    return _track(config, _children(config.seed)["track"])
+    return _track(config, children(config.seed)["track"])
 
 
 def _track(config: ConvoyConfig, rng: np.random.Generator) -> Track:
     return make_track(config.track, rng, convoy_length_m=config.followers * config.middle_m)
-
-
-def policy_chance(seed: int) -> np.random.Generator:
-    """Return the generator whose uniform numbers decide when the only follower of a convoy explores."""
-    return _children(seed)["policy"]
-
-
-def own_chance(seed: int, robot: int, purpose: str = "readings") -> np.random.Generator:
-    """Return a generator of one robot's own: for what nobody else draws, such as its calibration."""
-    return np.random.default_rng([seed, robot, *purpose.encode()])
-
-
-def _children(seed: int) -> dict[str, np.random.Generator]:
-    """Return the named generators of one seed."""
-    spawned = np.random.SeedSequence(seed).spawn(len(CHILDREN))
-    return {name: np.random.default_rng(child) for name, child in zip(CHILDREN, spawned, strict=True)}

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 from workbench.formation import follower as kernel
+from workbench.formation.chance import children
 from workbench.formation.config import INFRARED, ConvoyConfig
-from workbench.formation.convoy import policy_chance
 from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
 from workbench.formation.policy import Policy
 from workbench.formation.senses import look
@@ -81,7 +81,7 @@ class SoloFollower:
         self.weights[0] = config.learner.theta0 / config.tilings if policy is None else policy.theta[0].ravel()
         empty = new_trace(pairs)
         self._ids, self._values = np.stack([empty[0], empty[2], empty[0]]), np.stack([empty[1], empty[1]])
-        self._chance = policy_chance(config.seed)
+        self._chance = children(config.seed)["policy"]
         self.probability = 1.0
         arrays = (self._task, self._record, self._step, self.weights, self._ids, self._values)
         _decide.compile(tuple(numba.typeof(value) for value in (*arrays, 0.0, 0.0, 0.0, 0.0, True)))  # not while a robot waits

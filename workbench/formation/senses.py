@@ -27,13 +27,12 @@ from workbench.robot.infrared import (
     raw_reading,
     warped,
 )
-from workbench.robot.inversion import invert
+from workbench.robot.inversion import FLOOR, invert
 from workbench.robot.motors import motor_speed
 
 NEAR = 8  # robots that one robot's sensors can be shown at once
 UNSEEN = 1e6  # m
 SIDEWAYS = math.radians(50)  # bearing of what a side sensor sees best
-FLOOR = 3.0  # counts that keep logarithms of dark readings quiet
 
 
 @compiled

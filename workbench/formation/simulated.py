@@ -25,17 +25,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.floor import floor_darkness
 from workbench.arena.proximity import RayProximity
 from workbench.compiled import compiled
+from workbench.formation.chance import own_chance
 from workbench.formation.classical import CarrotPI, ControlLaw, Controller
 from workbench.formation.config import INFRARED, ConvoyConfig
-from workbench.formation.convoy import Convoy, own_chance
+from workbench.formation.control import read_ground
+from workbench.formation.convoy import Convoy
+from workbench.formation.errors import observe
 from workbench.formation.policy import Policy
 from workbench.formation.senses import sense_proximity
 from workbench.robot.api import SENSORS, Robot
-from workbench.robot.geometry import CONTROL_PERIOD, GROUND_SENSOR_X, GROUND_SENSOR_Y
-from workbench.robot.ground import ground_reading
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import SENSORS as RING_SENSORS
 from workbench.robot.infrared import calibrate, raw_reading
 from workbench.robot.motors import motor_speed
@@ -44,6 +45,11 @@ from workbench.robot.motors import motor_speed
 @compiled
 def _sense(task: Any, robots: Any, i: int, noise: Any) -> None:
     sense_proximity(task[0], robots, i, noise)
+
+
+@compiled
+def _ground(task: Any, floor: Any, robots: Any, i: int, k: int, noise: float) -> float:
+    return read_ground(task[0], floor, robots[i], k, noise)
 
 
 class SimulatedRobot(Robot):
@@ -92,7 +98,7 @@ class SimulatedRobot(Robot):
         self._time, self._started = 0, False
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
-        self.convoy._robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
+        self.convoy.robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
 
     def _close(self) -> None:
         self._started = False
@@ -101,7 +107,7 @@ class SimulatedRobot(Robot):
         if self.debug:
             print("→ D", left, right)
         self.convoy.world.command(0, self.robot, left, right)
-        record = self.convoy._robots[0, self.robot]
+        record = self.convoy.robots[0, self.robot]
         record["ran_left"], record["ran_right"] = left, right
 
     def _pass_time(self) -> None:
@@ -114,9 +120,9 @@ class SimulatedRobot(Robot):
         convoy, me = self.convoy, self.robot
         self.record: NDArray[np.void] = convoy.period(self._time)[0]
         self._started = True
-        robots = convoy._robots[0]
+        robots = convoy.robots[0]
         if self.config.sensing not in INFRARED or me == 0 or self._rays is not None:
-            _sense(convoy._task, robots, me, self._own.standard_normal(RING_SENSORS))
+            _sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
         record = robots[me]
         if self._rays is not None:
             self._cast(record)
@@ -126,7 +132,7 @@ class SimulatedRobot(Robot):
         if "light" in sensors:
             found["light"] = tuple(record["headroom"].tolist())
         if "floor" in sensors:
-            found["floor"] = self._floor(record)
+            found["floor"] = self._floor()
         speeds = {
             "motor_speed": (float(self._speed[0]), float(self._speed[1])),
             "motor_position": tuple(float(int(count)) for count in self._steps),
@@ -137,27 +143,24 @@ class SimulatedRobot(Robot):
     def _cast(self, record: Any) -> None:
         """Read the proximity sensors by rays against everything in the world."""
         assert self._rays is not None
-        task, noise = self.convoy._task[0], self._own.standard_normal(RING_SENSORS)
+        task, noise = self.convoy.task[0], self._own.standard_normal(RING_SENSORS)
         for k, light in enumerate(self._rays.light(0, self.robot)):
             raw = raw_reading(
                 light, record["gain"][k], record["offset"][k], record["headroom"][k], noise[k], task["ir_spread"]
             )  # fmt: skip
             record["prox"][k] = max(raw - record["bias"][k], 0.0)
 
-    def _floor(self, record: Any) -> tuple[float, ...]:
-        floor, readings = self.convoy.world.floor, []
-        for k, noise in enumerate(self._own.standard_normal(3)):
-            x = record["x"] + record["c"] * GROUND_SENSOR_X - record["s"] * GROUND_SENSOR_Y[k]
-            y = record["y"] + record["s"] * GROUND_SENSOR_X + record["c"] * GROUND_SENSOR_Y[k]
-            dark = floor_darkness(floor.raster[0], floor.column0, floor.row0, x, y)
-            readings.append(float(ground_reading(dark, record["white"][k], record["black"][k], noise)))
-        return tuple(readings)
+    def _floor(self) -> tuple[float, ...]:
+        convoy, noise = self.convoy, self._own.standard_normal(3)
+        return tuple(
+            float(_ground(convoy.task, convoy.world.floor.raster[0], convoy.robots[0], self.robot, k, noise[k])) for k in range(3)
+        )
 
     def _set_device(self, device: str, values: tuple[int, ...]) -> None:
         if device == "motor_position":
             self._steps[:] = values
         elif device == "calibrate":
-            record = self.convoy._robots[0, self.robot]
+            record = self.convoy.robots[0, self.robot]
             record["bias"] = calibrate(own_chance(self.config.seed, self.robot, "bias"), self.config.infrared, record["offset"])
         else:
             self.lights[device] = values
@@ -184,5 +187,5 @@ class SimulatedRobot(Robot):
         """Return the true distance in m and bearing in rad of the robot in front, for judging only."""
         x, y, heading = self.pose()
         ahead_x, ahead_y, _ = self.convoy.world.pose(0, self.robot - 1)
-        angle = math.atan2(ahead_y - y, ahead_x - x) - heading
-        return math.dist((x, y), (ahead_x, ahead_y)), math.remainder(angle, 2 * math.pi)
+        distance, bearing = observe(x, y, math.cos(heading), math.sin(heading), ahead_x, ahead_y)
+        return float(distance), float(bearing)

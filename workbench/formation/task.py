@@ -13,12 +13,11 @@ from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.follower import TASK
 from workbench.formation.readings import raw_scales
 from workbench.formation.reward import PRESETS, terminal_reward
-from workbench.formation.senses import FLOOR
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.config import RULES
 from workbench.robot.geometry import STEP as STEP_LENGTH
 from workbench.robot.infrared import BEACON_RANGE, RANGE, WARPS, strength_of
-from workbench.robot.inversion import inversion_table
+from workbench.robot.inversion import FLOOR, inversion_table
 from workbench.robot.motors import steps_from_speed
 
 
