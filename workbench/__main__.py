@@ -91,7 +91,6 @@ def _parser() -> argparse.ArgumentParser:
     record.add_argument("--out", required=True, help="the .csv; must be new")
     record.add_argument("--seconds", type=float, default=10.0, help="how long (default 10)")
     record.add_argument("--speeds", type=int, nargs=2, default=(0, 0), metavar=("LEFT", "RIGHT"), help="steps/s (default 0 0)")
-
     record.add_argument("--real", action="store_true", help="it is a real robot, not an emulated one")
 
     check = verbs.add_parser("check", help="check a recording; names the first thing that is wrong by row and column")

@@ -184,14 +184,13 @@ def test_step_counters_count_on_where_sixteen_bits_wrap(backend):
 def test_a_recording_gives_its_readings_in_order_then_says_that_it_ended(tmp_path):
     path = tmp_path / "simulated.csv"
     seen = []
-    with (
-        SimulatedRobot(CONFIG) as robot,
-        Recorder(path, (robot.enable("proximity"), robot)[1], link="sim:", real=False) as recorder,
-    ):
-        for _ in range(5):
-            robot.step()
-            seen.append(robot.get_proximity())
-            recorder.add(robot.time_s, robot, command=(0, 0))
+    with SimulatedRobot(CONFIG) as robot:
+        robot.enable("proximity")
+        with Recorder(path, robot, link="sim:", real=False) as recorder:
+            for _ in range(5):
+                robot.step()
+                seen.append(robot.get_proximity())
+                recorder.add(robot.time_s, robot, command=(0, 0))
     with open_robot(f"log:{path}") as replayed:
         replayed.enable("proximity")
         for expected in seen:

@@ -58,8 +58,7 @@ def _inject(protocol, binary):
         robot.enable("proximity")
         for _ in range(150):
             if not robot.is_connected():
-                emulator._faults.clear()
-                emulator._deaf = False
+                emulator.heal()
                 before = len(emulator.heard)
                 robot.connect()
                 assert _is_stop(emulator.heard[before][1], protocol), emulator.heard[before]
@@ -84,8 +83,9 @@ def _inject(protocol, binary):
             if robot.is_connected() and robot._speed == (0, 0):
                 stopped += 1
                 assert _speed(emulator) == (0, 0)  # the channel was alive: the robot stands
-            emulator._faults.clear()
-            emulator._deaf = False
+            if emulator._mute:
+                assert _speed(emulator) == (0, 0)  # the robot hears but cannot answer: it stands, too
+            emulator.heal()
             if "late" in chosen:
                 time.sleep(0.6)  # until the emulator listens again
         robot.disconnect()

@@ -6,7 +6,7 @@
 What happens inside is simulated physics, what goes over the wire is the real protocol. In real time (``rate``) the body moves on
 whether it is asked or not, as robots do; in lockstep it moves when a sensor is read again, so that nothing depends on
 clocks. Either way its world stands until somebody speaks to it. The wire can be made slow (``baud``), late (``delay_s``) and
-bad (``Fault``).
+bad (``fault``).
 
 Contract: one client at a time. ``heard`` keeps what came in, with times, for tests; ``close`` ends all threads.
 """
@@ -65,7 +65,7 @@ class Emulator:
         self._lock = threading.Lock()
         self._leave = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._deaf = False
+        self._deaf = self._mute = False
 
     def __enter__(self) -> Self:
         self.open()
@@ -120,6 +120,11 @@ class Emulator:
             raise ValueError(f"fault {kind!r}; expected one of {', '.join(FAULTS)}")
         self._faults.append(kind)
 
+    def heal(self) -> None:
+        """End all faults."""
+        self._faults.clear()
+        self._deaf = self._mute = False
+
     def _start(self, run: Callable[[], None]) -> None:
         thread = threading.Thread(target=run, name=f"emulator {run.__name__}", daemon=True)
         self._threads.append(thread)
@@ -143,6 +148,8 @@ class Emulator:
             return b""
         with self._lock:
             reply = self._firmware.feed(data)
+        if self._mute:
+            return b""
         if self.baud:
             time.sleep(10 * (len(data) + len(reply)) / self.baud)
         if self.delay_s:
@@ -153,7 +160,7 @@ class Emulator:
         if kind == "hang up":
             return None
         if kind in ("half open", "mute"):
-            self._deaf = True
+            self._deaf, self._mute = kind == "half open", kind == "mute"
             return b""
         if kind == "late":
             self._leave.wait(0.5)
@@ -170,7 +177,7 @@ class Emulator:
         self.address = os.ttyname(self._slave)
         scheme = "overo" if self.protocol == "overo" else "serial"
         self.url = f"{scheme}:{self.address}"
-        self._deaf = False
+        self.heal()
 
     def _close_pty(self) -> None:
         for end in (self._master, self._slave):
@@ -192,7 +199,7 @@ class Emulator:
             except (OSError, ValueError):
                 self._leave.wait(0.01)
                 continue
-            if not data or (self._deaf and self._faults):
+            if not data:
                 continue
             reply = self._converse(data)
             try:
@@ -211,7 +218,7 @@ class Emulator:
                 client, _ = self._listener.accept()
             except TimeoutError:
                 continue
-            self._deaf = False
+            self.heal()
             client.settimeout(0.05)
             with client:
                 self._serve_client(client)
@@ -220,7 +227,7 @@ class Emulator:
         while not self._leave.is_set():
             try:
                 ready, _, _ = select.select([client, self._listener], [], [], 0.05)
-                if self._listener in ready and self._deaf:
+                if self._listener in ready and (self._deaf or self._mute):
                     return  # a new client: the old connection is dead
                 data = client.recv(4096) if client in ready else None
             except OSError:

@@ -35,7 +35,6 @@ VERSION = b"v,Version 1.2.2 August 2008 GCtronic\r\nHW version: emulated\r\n"
 CALIBRATING = (
     b"k, Starting calibration - Remove any object in sensors range\r\n", b"k, Calibration finished\r\n",
 )  # fmt: skip
-_NO_REPLY = -1
 _OPERANDS = {"D": 4, "P": 4, "L": 2}  # bytes after a binary command; all others have none
 _LINE = 64  # bytes of the receiving ring
 

@@ -106,9 +106,9 @@ def _covered(model: mujoco.MjModel, robots: int, radius: float) -> mujoco.MjMode
     own = copy.copy(model)
     for robot in range(robots):
         own.geom(f"robot{robot}/shell").size[0] = radius
-        for part in range(own.ngeom):
-            name = own.geom(part).name
-            if name.startswith(f"robot{robot}/") and not name.endswith("/shell"):
-                own.geom_group[part] = 5
+    for part in range(own.ngeom):
+        name = own.geom(part).name
+        if name.startswith("robot") and not name.endswith("/shell"):
+            own.geom_group[part] = 5
     own.geom_rbound[:] = np.maximum(own.geom_rbound, radius + 0.05)
     return own

@@ -223,6 +223,11 @@ class Robot(Words):
         if any(self._speed):
             self._watchdog.start()
 
+    @property
+    def commanded(self) -> tuple[int, int]:
+        """The wheel speeds that were set last, in steps/s; zeros once the robot has been stopped."""
+        return self._speed
+
     def get_sercom_version(self) -> str:
         """Return what the robot says it is."""
         self._require()
@@ -283,7 +288,8 @@ class Robot(Words):
         if not self._connected:
             raise NotConnected(f"{type(self).__name__} is not connected; call connect(), or use it in a with block")
 
-    def _latest(self, sensor: str) -> tuple[float, ...]:
+    def reading(self, sensor: str) -> tuple[float, ...]:
+        """Return what a sensor read at the last step, by its name."""
         if sensor == "observe":
             self._require("observe")
         if sensor in self._read:

@@ -10,7 +10,7 @@ class Words(ABC):
     """Readings and devices by name."""
 
     @abstractmethod
-    def _latest(self, sensor: str) -> tuple[float, ...]:
+    def reading(self, sensor: str) -> tuple[float, ...]:
         """Return what a sensor read at the last step."""
 
     @abstractmethod
@@ -23,39 +23,39 @@ class Words(ABC):
 
     def get_proximity(self) -> tuple[float, ...]:
         """Return ps0 … ps7 in counts, near is large; calibrated if the robot has been."""
-        return self._latest("proximity")
+        return self.reading("proximity")
 
     def get_light_sensor(self) -> tuple[float, ...]:
         """Return the ambient reading of the same eight sensors: about 4000 counts in the dark, falling with light."""
-        return self._latest("light")
+        return self.reading("light")
 
     def get_floor_sensors(self) -> tuple[float, ...]:
         """Return the three ground sensors, left, centre, right, in counts."""
-        return self._latest("floor")
+        return self.reading("floor")
 
     def get_motor_speed(self) -> tuple[float, ...]:
         """Return the commanded wheel speeds in steps/s, as the firmware echoes them; nobody measures."""
-        return self._latest("motor_speed")
+        return self.reading("motor_speed")
 
     def get_motor_position(self) -> tuple[float, ...]:
         """Return the wheels' step counters, counted on where the wire's 16 bits wrap."""
-        return self._latest("motor_position")
+        return self.reading("motor_position")
 
     def get_accelerometer(self) -> tuple[float, ...]:
         """Return the raw x, y, z of the accelerometer."""
-        return self._latest("accelerometer")
+        return self.reading("accelerometer")
 
     def get_microphone(self) -> tuple[float, ...]:
         """Return the microphones' volumes."""
-        return self._latest("microphone")
+        return self.reading("microphone")
 
     def get_selector(self) -> tuple[float, ...]:
         """Return the position of the selector switch."""
-        return self._latest("selector")
+        return self.reading("selector")
 
     def get_battery(self) -> tuple[float, ...]:
         """Return the battery: 1 good, 0 low (e-puck1), raw counts (e-puck2)."""
-        return self._latest("battery")
+        return self.reading("battery")
 
     def stop(self) -> None:
         """Stop both wheels."""
@@ -83,5 +83,5 @@ class Words(ABC):
 
     def observe(self) -> tuple[float, float]:
         """Return distance in m and bearing in rad of the robot in front, as an overhead camera tells them."""
-        distance, bearing = self._latest("observe")
+        distance, bearing = self.reading("observe")
         return distance, bearing

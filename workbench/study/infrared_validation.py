@@ -7,9 +7,8 @@
 * an e-puck2 that backs off from an object, 0.597 mm per row, in four runs (readings of 30 to 3 000 counts), in bands of distance.
 
 Fitted, on even rows only: one gain per sensor (and run), and one start gap per run. Everything else is the model as it is;
-judged is on odd rows. Judged are the front sensors, all four runs
-together, and the side sensors of the sweep; single runs, and side sensors at 49° to the object, are listed beside. The measure
-is the median of |log(model / real)|: 0.35 is a factor of 1.4.
+judged is on odd rows: the front sensors over all four runs, front and side sensors of the sweep; single runs, and side sensors at
+49° to the object, are listed beside. The measure is the median of |log(model / real)|: 0.35 is a factor of 1.4.
 
 A caveat: the lobe's shape, d₀ and the ring's radius of ``robot.infrared`` were chosen after this box sweep, so that the sweep
 shows that one physical law describes all sensors, not that it was foretold. The backing-off runs had no part in that.

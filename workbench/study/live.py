@@ -15,7 +15,7 @@ from workbench.formation.policy import Policy
 from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robots import open_robot
-from workbench.study.recordings import Recorder
+from workbench.study.recordings import GROUPS, Recorder
 from workbench.study.runs import load_run
 
 
@@ -69,12 +69,8 @@ def drive_robot(
         calibration = _calibrate(robot) if config.sensing in INFRARED else "none"
         watch = None
         if record is not None:
-            robot.enable(
-                *(sensor for sensor in ("proximity", "light", "floor", "motor_position") if sensor in robot.capabilities)
-            )
-            recorder = Recorder(
-                record, robot, link=url, real=real, config=config, calibration=calibration,
-            )  # fmt: skip
+            _enable_recorded(robot)
+            recorder = Recorder(record, robot, link=url, real=real, config=config, calibration=calibration)
             watch = stack.enter_context(recorder).watch
         report = drive(robot, follower, seconds=seconds, watch=watch)
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
@@ -103,9 +99,7 @@ def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
         assert isinstance(run.policy, Policy)
         follower = SoloFollower(config, run.policy, steps=10_000 if learning else 0)
         with Emulator(SimulatedRobot(config.with_seed(7)), protocol) as emulator, open_robot(emulator.url) as robot:
-            robot.enable(
-                *(sensor for sensor in ("proximity", "light", "floor", "motor_position") if sensor in robot.capabilities)
-            )
+            _enable_recorded(robot)
             calibration = _calibrate(robot)
             recorder = Recorder(
                 place / f"{name}.csv", robot, link=protocol, real=False, config=config, calibration=calibration,
@@ -122,7 +116,7 @@ def record_robot(
 ) -> dict[str, Any]:
     """Record a robot that stands, or drives at constant speeds in steps/s; return rows and missed deadlines."""
     with open_robot(url) as robot:
-        robot.enable(*(sensor for sensor in ("proximity", "light", "floor", "motor_position") if sensor in robot.capabilities))
+        _enable_recorded(robot)
         with Recorder(out, robot, link=url, real=real, note="robot driven at constant speeds") as recorder:
             period = robot.period_s or CONTROL_PERIOD  # of a robot without wall-clock time
             for row in range(max(1, round(seconds / period))):
@@ -131,6 +125,11 @@ def record_robot(
                     robot.set_motors_speed(*speeds)
                 recorder.add(robot.time_s, robot, command=speeds)
         return {"rows": row + 1, "missed_deadlines": robot.missed_deadlines, "worst_latency_s": robot.worst_latency_s}
+
+
+def _enable_recorded(robot: Robot) -> None:
+    """Enable everything that a recording has columns for, as far as the robot has it."""
+    robot.enable(*(sensor for sensor in GROUPS if sensor in robot.capabilities))
 
 
 def _calibrate(robot: Robot) -> str:

@@ -130,7 +130,7 @@ class Recorder:
             raise ValueError(f"{len(poses)} pose values; expected {len(POSES) if self._poses else 0}: {', '.join(POSES)}")
         row: list[float] = [t_s]
         for sensor in self.sensors:
-            row += list(robot._latest(sensor))
+            row += list(robot.reading(sensor))
         row += list(command)
         if follower is None:
             row += [-1, -1, 1.0, 0]
@@ -143,7 +143,7 @@ class Recorder:
 
     def watch(self, follower: SoloFollower, robot: Robot, t_s: float) -> None:
         """Record a period of ``formation.drive.drive``; pass it as ``watch=``."""
-        self.add(t_s, robot, command=robot._speed, follower=follower)
+        self.add(t_s, robot, command=robot.commanded, follower=follower)
 
     def close(self) -> None:
         """Complete the sidecar."""
