@@ -18,6 +18,7 @@ from workbench.study.recordings import Recorder
 from workbench.study.replay import RecordingEnded
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
+PATIENT = 10.0  # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers late
 WIRES = {  # name: protocol, options of the driver
     "serial": ("epuck1", {}), "serial binary": ("epuck1", {"binary": True}), "bluetooth": ("epuck1-bt", {"variant": "epuck1-bt"}),
     "overo": ("overo", {}), "tcp": ("epuck2", {}),
@@ -44,7 +45,7 @@ def backend(request, tmp_path):
     else:
         protocol, options = WIRES[name]
         with Emulator(SimulatedRobot(CONFIG), protocol, rate=0) as emulator:
-            yield open_robot(emulator.url, period_s=0.0, **options)
+            yield open_robot(emulator.url, period_s=0.0, timeout_s=PATIENT, **options)
 
 
 every = pytest.mark.parametrize("backend", BACK_ENDS, indirect=True)
@@ -228,7 +229,7 @@ def test_a_script_in_the_words_of_pyepuck_drives_all_robots_by_changing_the_cons
         else:
             protocol, options = WIRES[name]
             with Emulator(SimulatedRobot(CONFIG), protocol, rate=0) as emulator:
-                space["robot"] = open_robot(emulator.url, period_s=0.0, **options)
+                space["robot"] = open_robot(emulator.url, period_s=0.0, timeout_s=PATIENT, **options)
                 exec(SCRIPT, space)
         results.append((space["travelled"], space["front"]))
     assert results[0] == results[1] == results[2] == results[3]
