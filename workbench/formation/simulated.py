@@ -99,6 +99,8 @@ class SimulatedRobot(Robot):
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
         self.convoy.robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
+        _sense(self.convoy.task, self.convoy.robots[0], self.robot, np.zeros(RING_SENSORS))  # compiled now, not while
+        _ground(self.convoy.task, self.convoy.world.floor.raster[0], self.convoy.robots[0], self.robot, 0, 0.0)  # a client waits
 
     def _close(self) -> None:
         self._started = False
