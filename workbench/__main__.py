@@ -65,10 +65,11 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--out", help="folder of the table (default data/studies/)")
 
     validate = verbs.add_parser(
-        "validate", help="compare with recordings of real robots (WORKBENCH_RECORDINGS); camera: with pixels"
+        "validate", help="compare with recordings of real robots (WORKBENCH_RECORDINGS), with pixels, or with the clock"
     )
     validate.add_argument(
-        "what", help="drive (wheels against set-points) or infrared (proximity and ground sensors); camera (pixels)"
+        "what",
+        help="drive (wheels against set-points), infrared (proximity and ground sensors), camera (pixels) or deadlines (clock)",
     )
     validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
 
@@ -225,7 +226,11 @@ def _validate(flags: argparse.Namespace) -> dict[str, Any]:
         from workbench.study.camera_validation import validate_camera
 
         return validate_camera(out=out)
-    raise ValueError(f"validate {flags.what!r}; expected drive, infrared or camera")
+    if flags.what == "deadlines":
+        from workbench.study.deadlines import measure_deadlines
+
+        return measure_deadlines(out=out)
+    raise ValueError(f"validate {flags.what!r}; expected drive, infrared, camera or deadlines")
 
 
 def _robot(flags: argparse.Namespace) -> dict[str, Any]:

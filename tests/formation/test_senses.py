@@ -13,13 +13,13 @@ from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.follower import BLINDED, LOSS
-from workbench.formation.reset import LOST, drive_on
+from workbench.formation.reset import FOLLOW, LOST, drive_on
 from workbench.formation.simulated import SimulatedRobot
 from workbench.learning.config import LearnerConfig
 from workbench.robot.ground import extremes
 from workbench.robot.infrared import InfraredConfig
 from workbench.robots import open_robot
-from workbench.study.infrared_trials import recoveries, true_errors
+from workbench.study.infrared_trials import recoveries, true_errors, within
 
 PATIENT = 10.0  # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers late
 INFRARED = replace(SETTINGS["infrared"], followers=1, drive="planar")
@@ -71,7 +71,8 @@ def test_followers_learn_with_infrared_alone_and_come_back(sensing):
         block = convoy.run_block()[0]
         blocks.append(block[block["phase"][:, 0] >= 0].copy())
     steps = np.concatenate(blocks)
-    recovered, losses = recoveries(steps["event"][:, 1:])
+    following = within(config, *true_errors(steps)) & (steps["phase"][:, 1:] == FOLLOW)
+    recovered, losses = recoveries(steps["event"][:, 1:], following)
     assert losses > 50 and recovered / losses >= 0.95
     distance, bearing = true_errors(steps[2 * len(steps) // 3 :])
     assert np.mean((distance >= 0.08) & (distance < 0.13) & (np.abs(bearing) < math.radians(25))) > 0.95
@@ -192,5 +193,6 @@ def test_a_follower_needs_what_its_task_needs():
 def test_losses_are_judged_over_ten_seconds():
     events = np.zeros((500, 1), np.int16)
     events[[10, 200, 350, 450]] = LOSS
-    events[[30, 320]] = 2  # RECOVERED: after 2 s and after 12 s; the loss at 45 s has no ten seconds left
-    assert recoveries(events) == (1, 3)
+    following = np.zeros((500, 1), bool)
+    following[[5, 30, 320]] = True  # after 2 s and after 12 s; the loss at 45 s has no ten seconds left
+    assert recoveries(events, following) == (1, 3)

@@ -161,7 +161,7 @@ class DriveReport:
     Attributes:
         periods: control periods; missed: those that began late; worst_latency_s: by how much at most.
         losses, recoveries: of the robot in front.
-        command_latency_s: mean time from readings to command.
+        command_latency_s: mean time from readings to command; late_commands: those that took longer than a control period.
     """
 
     periods: int
@@ -171,6 +171,7 @@ class DriveReport:
     recoveries: int
     updates: int
     command_latency_s: float
+    late_commands: int
 
 
 def drive(
@@ -202,7 +203,7 @@ def drive(
         if "light" in robot.capabilities:
             robot.enable("light")
     see = observer or robot.observe
-    losses = recoveries = 0
+    losses = recoveries = late = 0
     latency = 0.0
     missed, periods = robot.missed_deadlines, max(1, round(seconds / _period(robot)))
     try:
@@ -218,7 +219,8 @@ def drive(
                 distance, bearing = see()
                 left, right = follower.decide(distance=distance, bearing=bearing)
             robot.set_motors_speed(left, right)
-            latency += time.monotonic() - begun
+            took = time.monotonic() - begun
+            latency, late = latency + took, late + (took > _period(robot))
             event = int(follower.step["event"])
             losses, recoveries = losses + (event & LOSS != 0), recoveries + (event & RECOVERED != 0)
             if buffer and update_s and event & LEARNED:
@@ -231,8 +233,9 @@ def drive(
         if robot.is_connected():
             robot.stop()
     return DriveReport(
-        periods, robot.missed_deadlines - missed, robot.worst_latency_s, losses, recoveries, follower.updates, latency / periods
-    )
+        periods, robot.missed_deadlines - missed, robot.worst_latency_s, losses, recoveries, follower.updates,
+        latency / periods, late,
+    )  # fmt: skip
 
 
 def _period(robot: Robot) -> float:

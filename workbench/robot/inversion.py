@@ -108,7 +108,7 @@ def uncertainty(
     The Cramér–Rao bound of independent noise on both readings, (Jᵀ Σ⁻¹ J)⁻¹, with the sensors' gains known. Infinite where the
     readings do not determine both.
     """
-    h_d, h_b = 2e-4, math.radians(0.2)
+    h_d, h_b = 2e-3, math.radians(2.5)  # wide enough to bridge the 5° between two rays of the lobe
     d, b = np.asarray(distances_m, float), np.asarray(bearings_rad, float)
     known = replace(config, gain_spread=0.0)
     slope_d = (mean_pairs(d + h_d, b, known) - mean_pairs(d - h_d, b, known)) / (2 * h_d)

@@ -1,7 +1,8 @@
 """Trials of followers that see with nothing but infrared: learn, then follow greedily while being held up again and again.
 
 Everything is judged by true poses, which the followers never learn. The working range is 80 to 130 mm between centres and ±25°
-(what a configuration names as its bounds). A loss is recovered when its follower starts a new episode within ten seconds.
+(what a configuration names as its bounds). A loss is recovered when its follower is following again, truly inside the working
+range of its own predecessor, within ten seconds.
 
 >>> trial = Trial(config=ConvoyConfig(**INFRARED_BASE, drive="planar", sensing="ir-metric", followers=1), steps=500, minutes=1.0)
 >>> numbers = measure_infrared(trial)
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.drive import SoloFollower
-from workbench.formation.follower import BLINDED, GAVE_UP, LOSS, RECOVERED
+from workbench.formation.follower import BLINDED, GAVE_UP, LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.formation.simulated import SimulatedRobot
@@ -47,7 +48,8 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
     late = steps[2 * len(steps) // 3 :]
     distance, bearing = true_errors(late)
     inside = within(trial.config, distance, bearing)
-    recovered, losses = recoveries(steps["event"][:, 1:])
+    following = within(trial.config, *true_errors(steps)) & (steps["phase"][:, 1:] == FOLLOW)
+    recovered, losses = recoveries(steps["event"][:, 1:], following)
     error = distance[inside] - trial.config.middle_m
     theta, _ = convoy.tables(0)
     alone = replace(trial.config, followers=1, seed=trial.config.seed + UNSEEN)
@@ -78,21 +80,21 @@ def within(config: ConvoyConfig, distance: NDArray[np.float64], bearing: NDArray
     return inside
 
 
-def recoveries(events: NDArray[np.int16]) -> tuple[int, int]:
+def recoveries(events: NDArray[np.int16], following: NDArray[np.bool_]) -> tuple[int, int]:
     """Return how many losses ended within ten seconds, and how many there were; losses of the last ten seconds do not count.
 
     Args:
         events: (periods, followers) of STEP.event.
+        following: (periods, followers), whether a follower follows, truly inside its working range.
     """
     recovered = losses = 0
-    for column in events.T:
-        back = np.flatnonzero(column & RECOVERED)
-        for lost in np.flatnonzero(column & LOSS):
-            if lost + WITHIN > len(column):
-                continue
-            losses += 1
-            following = np.searchsorted(back, lost, side="left")
-            recovered += bool(following < len(back) and back[following] - lost <= WITHIN)
+    for event, follows in zip(events.T, following.T, strict=True):
+        back = np.flatnonzero(follows)
+        lost = np.flatnonzero(event & LOSS)
+        lost = lost[lost + WITHIN <= len(event)]
+        next_back = np.append(back, len(event) + WITHIN)[np.searchsorted(back, lost, side="left")]
+        losses += len(lost)
+        recovered += int(np.count_nonzero(next_back - lost <= WITHIN))
     return recovered, losses
 
 

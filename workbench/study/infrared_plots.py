@@ -1,0 +1,171 @@
+"""Plots of infrared: readings beside real ones, where two readings determine a place, what tiles of raw readings mean in metres.
+
+Contract: plot functions draw on the axes that they are given and return them; ``cups`` and the tables compute, without drawing.
+"""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from workbench.formation.config import ConvoyConfig
+from workbench.robot.infrared import (
+    SENSORS,
+    TARGETS,
+    InfraredConfig,
+    calibrate,
+    draw_units,
+    front_pair,
+    headroom,
+    mean_light,
+    raw_reading,
+)
+from workbench.robot.inversion import mean_pairs, uncertainty
+from workbench.study.style import CYCLE, MARKERS, note
+
+CUP_HEIGHT = 0.080  # m: a small coffee cup over the robot; our measure of the paper's Fig. 5
+CUP_GREY = (0.97, 0.97, 0.96, 1.0)
+_NOBODY = 16  # a class that nothing collides with; with none at all MuJoCo's rays miss what reaches beyond the body's other geoms
+
+
+def real_and_model(table: pd.DataFrame, kind: str, ax: Axes) -> Axes:
+    """Draw median real readings and the fitted model's against their place.
+
+    Args:
+        table: data/validation/infrared_curves.csv.
+        kind: "box in contact" (place in degrees) or "backing off" (mm).
+    """
+    part = table[table["kind"] == kind].sort_values("place")
+    ax.plot(part["place"], part["real"], MARKERS[0], color=CYCLE[0], markersize=5, label="real e-puck (median)")
+    ax.plot(part["place"], part["model"], "-", color=CYCLE[1], label="model, gains fitted")
+    ax.set_yscale("log")
+    ax.set(ylabel="reading above free air (counts)")
+    ax.set_xlabel("sensor's axis off the box's normal (°)" if kind == "box in contact" else "gap to the object (mm)")
+    ax.legend()
+    return ax
+
+
+def targets_by_distance(infrared: InfraredConfig, threshold: float) -> pd.DataFrame:
+    """Return the mean front reading straight ahead by distance between centres and target, with the assumption's range."""
+    lines = []
+    for target, (_, usual, (low, high)) in TARGETS.items():
+        for distance in np.linspace(0.075, 0.60, 106):
+            readings = [
+                front_pair(float(distance), 0.0, InfraredConfig(target=target, brightness=factor / usual))[0]
+                for factor in (low, usual, high)
+            ]
+            lines.append(
+                {"target": target, "distance_m": distance, "low": readings[0], "counts": readings[1], "high": readings[2]}
+            )
+    return pd.DataFrame(lines).assign(seen=lambda table: table["counts"] >= threshold)
+
+
+def draw_targets(table: pd.DataFrame, threshold: float, ax: Axes) -> Axes:
+    """Draw ``targets_by_distance``; a band is the range that an assumed reflectance may lie in."""
+    for number, (target, part) in enumerate(table.groupby("target", sort=False)):
+        mm = 1000 * part["distance_m"]
+        ax.plot(mm, part["counts"], linestyle=("-", "--", ":", "-.")[number], color=CYCLE[number], label=target)
+        ax.fill_between(mm, part["low"], part["high"], color=CYCLE[number], alpha=0.15, linewidth=0)
+    ax.axhline(threshold, color="#777777", linestyle=":", linewidth=1)
+    ax.text(215, 1.1 * threshold, "threshold of sight", fontsize=8, color="#555555")
+    ax.set_yscale("log")
+    ax.set(xlabel="distance between centres (mm)", ylabel="each front sensor (counts)", xlim=(70, 600), ylim=(2, 5000))
+    note(ax, "straight ahead; bands: range of the assumed reflectance or strength")
+    ax.legend()
+    return ax
+
+
+def bounds_map(config: ConvoyConfig) -> pd.DataFrame:
+    """Return the least standard deviations of an unbiased estimate, in mm and degrees, by distance (m) and bearing (degrees)."""
+    distances, bearings = np.linspace(0.075, 0.16, 86), np.linspace(-45, 45, 91)
+    bound = uncertainty(distances, np.radians(bearings), config.infrared)
+    grid_d, grid_b = np.meshgrid(distances, bearings, indexing="ij")
+    return pd.DataFrame(
+        {
+            "distance_m": grid_d.ravel(), "bearing_deg": grid_b.ravel(), "distance_sd_mm": 1000 * bound[0].ravel(),
+            "bearing_sd_deg": np.degrees(bound[1]).ravel(),
+        }
+    )  # fmt: skip
+
+
+def draw_bounds(
+    table: pd.DataFrame, column: str, config: ConvoyConfig, ax: Axes, *, levels: tuple[float, ...], label: str
+) -> Axes:
+    """Draw a column of ``bounds_map`` in steps, with the working range as a frame; hatched where it exceeds the last level."""
+    grid = table.pivot(index="distance_m", columns="bearing_deg", values=column)
+    values = np.where(np.isfinite(grid), grid, 1e6)
+    place = (grid.columns.to_numpy(), 1000 * grid.index.to_numpy())
+    shades = ax.contourf(*place, values, levels=levels, cmap="viridis", extend="min")
+    ax.contourf(*place, values, levels=(levels[-1], 2e6), colors=["#e8e8e8"], hatches=["///"])
+    limit, (low, high) = np.degrees(config.bearing_limit_rad), config.distance_m
+    ax.plot(
+        [-limit, limit, limit, -limit, -limit], [1000 * low, 1000 * low, 1000 * high, 1000 * high, 1000 * low], color="#D55E00"
+    )
+    ax.set(xlabel="bearing (°)", ylabel="distance between centres (mm)")
+    assert ax.figure is not None
+    ax.figure.colorbar(shades, ax=ax, label=label, ticks=levels)
+    return ax
+
+
+def states_by_place(config: ConvoyConfig, *, cells: int = 240) -> pd.DataFrame:
+    """Return the state that a matched, noiseless robot is in, over distance (m) and bearing (degrees) of the working range."""
+    grid = config.grid()
+    (low, high), limit = config.distance_m, config.bearing_limit_rad  # middles of a grid of cells
+    distances = low + (high - low) * (np.arange(cells) + 0.5) / cells
+    bearings = limit * (2 * np.arange(cells) + 1 - cells) / cells
+    grid_d, grid_b = np.meshgrid(distances, bearings, indexing="ij")
+    if config.sensing == "ir-raw":
+        first, second = mean_pairs(distances, bearings, config.infrared)
+    else:
+        first, second = grid_d - config.middle_m, grid_b
+    states = [grid.index(float(a), float(b)) for a, b in zip(first.ravel(), second.ravel(), strict=True)]
+    return pd.DataFrame({"distance_m": grid_d.ravel(), "bearing_deg": np.degrees(grid_b).ravel(), "state": states})
+
+
+def draw_states(table: pd.DataFrame, config: ConvoyConfig, ax: Axes) -> Axes:
+    """Draw the tiles of ``states_by_place``, shades repeated so that neighbours differ."""
+    grid = table.pivot(index="distance_m", columns="bearing_deg", values="state")
+    columns = config.state_tiles[1]
+    shade = np.where(grid < 0, np.nan, (grid // columns % 3) * 3 + grid % columns % 3)
+    ax.pcolormesh(grid.columns, 1000 * grid.index, shade, cmap="viridis", vmin=-1, vmax=9, shading="nearest", rasterized=True)
+    ax.set(xlabel="bearing (°)", ylabel="distance between centres (mm)")
+    reached = np.unique(grid.to_numpy()[grid.to_numpy() >= 0]).size
+    note(ax, f"{config.sensing}: {reached} of {np.prod(config.state_tiles)} tiles are reached")
+    return ax
+
+
+def cups(*robots: int) -> Callable[[mujoco.MjSpec], None]:
+    """Return what furnishes a world on the planar drive with a paper cup over some robots, for pictures (the paper's Fig. 5)."""
+
+    def furnish(spec: mujoco.MjSpec) -> None:
+        for number in robots:
+            body = spec.body(f"robot{number}")
+            for side in ("left", "right"):
+                spec.geom(f"robot{number}/{side}_disc").group = 3  # wheels are under the cup
+            body.add_geom(
+                name=f"robot{number}/cup", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TARGETS["cup"][0], CUP_HEIGHT / 2, 0],
+                pos=[0, 0, CUP_HEIGHT / 2 + 0.002], rgba=list(CUP_GREY), contype=_NOBODY, conaffinity=0,
+                mass=0, group=1,
+            )  # fmt: skip
+
+    return furnish
+
+
+def one_robot(config: ConvoyConfig) -> pd.DataFrame:
+    """Return what the eight sensors of the first follower read in four situations, in counts: a line each, columns ps0 … ps7."""
+    rng = np.random.default_rng(config.seed)
+    infrared = config.infrared
+    gains, offsets = draw_units(rng, infrared)
+    bias = calibrate(rng, infrared, offsets)
+    spread = infrared.noise / np.sqrt(infrared.samples)
+    lines = {}
+    cup = mean_light(0.085, 0.0, infrared)
+    for name, light, ambient in (("free air", 0 * cup, 0.0), ("cup at 85 mm", cup, 0.0), ("cup, light from ahead", cup, 4000.0)):
+        left = [headroom(k, 1.0, 0.0, ambient, 1.0, 0.0) for k in range(SENSORS)]
+        noise = rng.standard_normal(SENSORS)
+        raw = np.array([raw_reading(light[k], gains[k], offsets[k], left[k], noise[k], spread) for k in range(SENSORS)])
+        lines[name] = raw
+        lines[f"{name}, calibrated"] = np.maximum(raw - bias, 0.0)
+    return pd.DataFrame(lines, index=[f"ps{k}" for k in range(SENSORS)]).T
