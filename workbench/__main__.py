@@ -73,6 +73,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
 
+    export = verbs.add_parser("export-c", help="write a policy on raw infrared readings as a C99 file for a firmware")
+    export.add_argument("run", help="folder of a complete run, or a weights file")
+    export.add_argument("--out", required=True, help="C file to write")
+    export.add_argument("--table", type=int, default=0, help="whose weights, 0 for the first follower's (default)")
+
     emulate = verbs.add_parser("emulate", help="serve an emulated robot on a pseudo-terminal or a TCP port")
     emulate.add_argument("protocol", help="epuck1, epuck1-bt, overo (SerCom on a pseudo-terminal) or epuck2 (TCP)")
     emulate.add_argument("--port", type=int, default=0, help="TCP port (default: a free one)")
@@ -118,6 +123,8 @@ def main(arguments: list[str] | None = None) -> int:
             result = bench()
         elif flags.verb == "study":
             result = _study(flags)
+        elif flags.verb == "export-c":
+            result = _export(flags)
         elif flags.verb == "validate":
             result = _validate(flags)
         elif flags.verb == "figures":
@@ -210,6 +217,15 @@ def _same_sources(client: Any) -> None:
     others = sorted(worker for worker, digest in theirs.items() if digest != fingerprint([]))
     if others:
         raise RuntimeError(f"workers with other sources or versions of the workbench: {', '.join(others)}; update them")
+
+
+def _export(flags: argparse.Namespace) -> dict[str, Any]:
+    from workbench.study.export_c import export_c
+    from workbench.study.weights import load_policy
+
+    policy = load_policy(flags.run)
+    source = f"weights {policy.sha256()[:12]}, follower {flags.table + 1}"
+    return export_c(policy, flags.out, table=flags.table, source=source) | {"written": flags.out}
 
 
 def _validate(flags: argparse.Namespace) -> dict[str, Any]:

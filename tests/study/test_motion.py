@@ -170,7 +170,7 @@ def test_a_recording_is_a_motion_whatever_the_order_of_its_lines():
         (lambda: as_motion(_recording().iloc[:-1]), "59 lines for 30 times and 2 robots; expected one of each"),
         (lambda: as_motion(_recording()[lambda t: t["time_s"] != 1.0]), "a gap after 0.9 s; resample"),
         (lambda: as_motion(_recording()[lambda t: t["time_s"] < 0.15]), "2 times; expected at least 3"),
-        (lambda: follow(quantised_carrot(ConvoyConfig(state_tiles=(5, 5))), PLANAR), "distance_edges of the policy"),
+        (lambda: follow(quantised_carrot(ConvoyConfig(state_tiles=(5, 5))), PLANAR), "the policy has distance_edges"),
     ],
 )
 def test_bad_input_is_refused_with_the_value(call, message):

@@ -117,10 +117,10 @@ def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
     with pytest.raises(ValueError, match="the stored run lacks sample_lengths, sample_starts, samples, sums, visits"):
         load_run(tmp_path / "other")
     (tmp_path / "run" / "config.json").write_text('{"schema": 1}')
-    with pytest.raises(ValueError, match="is not a run of schema 4"):
+    with pytest.raises(ValueError, match="is not a run of schema 5"):
         load_run(tmp_path / "run")
     (tmp_path / "run" / "config.json").write_text('{"schema": 99}')
-    with pytest.raises(ValueError, match="is not a run of schema 4"):
+    with pytest.raises(ValueError, match="is not a run of schema 5"):
         load_run(tmp_path / "run")
 
 
@@ -133,7 +133,7 @@ def test_evaluation_is_greedy_frozen_and_checked(tmp_path):
     assert load_run(tmp_path / "judged").summary == judged.summary
     pair = evaluate_seeds([run.policy] * 2, PLANAR, [3, 9], minutes=2, progress=False)
     assert pair[1].summary == judged.summary
-    with pytest.raises(ValueError, match=r"distance_edges of the policy are .*, of the configuration"):
+    with pytest.raises(ValueError, match=r"the policy has distance_edges = .*, the configuration"):
         evaluate(run.policy, replace(PLANAR, state_tiles=(5, 9)), progress=False)
     with pytest.raises(ValueError, match="left_steps of the policy"):
         evaluate(run.policy, replace(PLANAR, wheel_speed_mps=(0.02, 0.09)), progress=False)

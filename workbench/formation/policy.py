@@ -1,7 +1,7 @@
-"""A learned policy with the description of what its numbers mean: tiles, actions and their units.
+"""A learned policy with the description of what its numbers mean: tiles, actions, their units, and how it was sensed.
 
-A table of action values is only usable with the tilings and action levels that it was learned with; a policy carries
-them and refuses to drive anything else.
+A table of action values is only usable with the tilings, action levels and sensing that it was learned with; a policy carries
+them and refuses to drive anything else. ``transferred`` takes it to another sensing on purpose, where the units are the same.
 
 >>> from workbench.formation.config import ConvoyConfig
 >>> config = ConvoyConfig()
@@ -15,15 +15,16 @@ Contract: a policy is immutable; its arrays are read-only copies.
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import SENSING, ConvoyConfig
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 
-SCHEMA = 2
+SCHEMA = 3
+UNITS = dict.fromkeys(SENSING, ("m", "rad")) | {"ir-raw": ("counts", "counts")}  # of both dimensions of the state
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +34,11 @@ class Policy:
     Attributes:
         theta: (tables, rows, actions) main weights; one table for all followers, or one each. With one tiling a row is a
             state; with several, the value of an action is the sum over the active row of each, see ``ConvoyConfig.grids``.
-        distance_edges, bearing_edges: borders of the tiles of e_d in m and of o_err in rad.
+        distance_edges, bearing_edges: borders of the tiles of e_d in m and of o_err in rad; with sensing "ir-raw" of the left and
+            the right reading in counts.
         left_steps, right_steps: action levels in steps/s; action = i_left * len(right_steps) + i_right.
         tilings: () number of offset tilings.
+        sensing: () how distance and bearing were known, one of SENSING.
     """
 
     theta: NDArray[np.float64]
@@ -44,20 +47,24 @@ class Policy:
     left_steps: NDArray[np.int64]
     right_steps: NDArray[np.int64]
     tilings: NDArray[np.int64] = field(default_factory=lambda: np.array(1))
+    sensing: NDArray[np.str_] = field(default_factory=lambda: np.array("truth"))
 
     def __post_init__(self) -> None:
         for part in fields(self):
             array = np.array(getattr(self, part.name))
             array.flags.writeable = False
             object.__setattr__(self, part.name, array)
-        rows = sum(grid.n for grid in self._grids())
+        if str(self.sensing) not in SENSING:
+            raise ValueError(f"sensing = {str(self.sensing)!r}; expected one of {', '.join(map(repr, SENSING))}")
+        rows = sum(grid.n for grid in self.grids())
         expected = (rows, self.left_steps.size * self.right_steps.size)
         if self.theta.ndim != 3 or self.theta.shape[1:] != expected:
             raise ValueError(
                 f"theta has shape {self.theta.shape}; its tiles and levels ask for (tables, {expected[0]}, {expected[1]})"
             )
 
-    def _grids(self) -> tuple[TileGrid, ...]:
+    def grids(self) -> tuple[TileGrid, ...]:
+        """Return the offset grids whose cells are the rows of a table, as ``ConvoyConfig.grids``."""
         grid = TileGrid(Tiling(self.distance_edges, "of a policy"), Tiling(self.bearing_edges, "of a policy"))
         return offset_grids(grid, int(self.tilings))
 
@@ -65,14 +72,34 @@ class Policy:
     def of(cls, config: ConvoyConfig, theta: NDArray[np.float64]) -> "Policy":
         """Return the policy of weights that were learned under a configuration."""
         distance, bearing = config.grid().tilings
-        return cls(theta, distance.edges, bearing.edges, *config.levels(), np.array(config.tilings))
+        return cls(theta, distance.edges, bearing.edges, *config.levels(), np.array(config.tilings), np.array(config.sensing))
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of the two dimensions of the state."""
+        return UNITS[str(self.sensing)]
+
+    def transferred(self, sensing: str) -> "Policy":
+        """Return the same weights for robots that sense otherwise: a claim that distance and bearing mean the same there (E8).
+
+        Raises:
+            ValueError: an unknown sensing, or one whose tiles have other units.
+        """
+        if sensing not in SENSING:
+            raise ValueError(f"sensing = {sensing!r}; expected one of {', '.join(map(repr, SENSING))}")
+        if UNITS[sensing] != self.units:
+            raise ValueError(
+                f"the policy was learned with sensing = {str(self.sensing)!r}, tiles in {' and '.join(self.units)}; {sensing!r} "
+                f"has tiles in {' and '.join(UNITS[sensing])}: learn anew, no weights can mean the same there"
+            )
+        return replace(self, sensing=np.array(sensing))
 
     def values(self) -> NDArray[np.float64]:
         """Return the action values in the middle of every state, (tables, states, actions); with one tiling that is theta.
 
         Where an offset tiling has an edge in the middle of a state, its upper cell counts, as it does for a follower there.
         """
-        base, *others = self._grids()
+        base, *others = self.grids()
         total = self.theta[:, : base.n].copy()
         first = base.n
         for grid in others:
@@ -87,19 +114,19 @@ class Policy:
         return greedy
 
     def check(self, config: ConvoyConfig) -> None:
-        """Refuse a configuration whose tiles or actions differ.
+        """Refuse a configuration whose tiles, actions or sensing differ.
 
         Raises:
             ValueError: what differs, with both sides.
         """
         own = Policy.of(config, np.zeros((1, config.rows, config.actions)))
-        for part in fields(self)[1:]:
-            mine, theirs = getattr(self, part.name), getattr(own, part.name)
+        for name in ("sensing", "tilings", "distance_edges", "bearing_edges", "left_steps", "right_steps"):
+            mine, theirs = getattr(self, name), getattr(own, name)
             if not np.array_equal(mine, theirs):
-                raise ValueError(
-                    f"{part.name} of the policy are {mine.tolist()}, of the configuration {theirs.tolist()}; "
-                    "use the configuration that the policy was learned with"
-                )
+                remedy = "use the configuration that the policy was learned with"
+                if name == "sensing" and UNITS[str(mine)] == UNITS[str(theirs)]:
+                    remedy += f", or say that both mean the same: policy.transferred({str(theirs)!r})"
+                raise ValueError(f"the policy has {name} = {mine.tolist()!r}, the configuration {theirs.tolist()!r}; {remedy}")
         if self.theta.shape[0] not in (1, config.followers):
             raise ValueError(
                 f"the policy has {self.theta.shape[0]} tables, the convoy {config.followers} followers; expected one table "

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import fields
-from workbench.formation.classical import ControlLaw, Controller, check_controller, controller_from_arrays
+from workbench.formation.classical import ControlLaw, Controller, check_controller
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
@@ -34,8 +34,9 @@ from workbench.study.checkpoints import load_checkpoint, save_checkpoint
 from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
 from workbench.study.storage import read_json, read_npz, refuse_existing, remove_temporaries, write_json, write_npz
+from workbench.study.weights import Weights, describe, load_weights, write_weights
 
-SCHEMA = 4
+SCHEMA = 5
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
 REQUEST = ("kind", "length", "policy_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
@@ -215,19 +216,12 @@ def load_run(path: str | Path) -> Run:
     if not (folder / "summary.json").is_file():
         raise FileNotFoundError(f"{folder} is not complete; continue it with resume=True, or --resume on the command line")
     header = _read_header(folder)
-    weights, records = read_npz(folder / "weights.npz"), read_npz(folder / "records.npz")
-    lacking = sorted({"w", "updates"} - set(weights)) + sorted(set(RECORDS) - set(records))
+    weights, records = load_weights(folder), read_npz(folder / "records.npz")
+    lacking = sorted(set(RECORDS) - set(records))
     if lacking:
         raise ValueError(f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again")
-    return Run(
-        kind=header["kind"],
-        config=fields.from_dict(ConvoyConfig, header["config"]),
-        length=header["length"],
-        updates=int(weights["updates"]),
-        policy=controller_from_arrays(weights),
-        w=weights["w"],
-        records=records,
-    )
+    config = fields.from_dict(ConvoyConfig, header["config"])
+    return Run(header["kind"], config, header["length"], weights.updates, weights.policy, weights.w, records)
 
 
 def stored_request(path: str | Path) -> tuple[ConvoyConfig, int]:
@@ -362,8 +356,7 @@ class _Batch:
 
 
 def _store(run: Run, folder: Path) -> None:
-    extra = {"w": run.w, "updates": np.array(run.updates)}
-    write_npz(folder / "weights.npz", run.policy.arrays() | extra)
+    write_weights(folder, Weights(run.policy, run.w, run.updates, describe(run.policy, run.config, run.updates)))
     write_npz(folder / "records.npz", run.records)
     write_json(folder / "summary.json", run.summary)
 
