@@ -11,7 +11,10 @@ Contract: names are only ever added at the end; the order decides what a seed me
 
 import numpy as np
 
-CHILDREN = ("track", "sensor", "policy", "noise", "infrared", "units", "camera", "hidden", "lens", "pictures", "covered")
+CHILDREN = (
+    "track", "sensor", "policy", "noise", "infrared", "units", "camera", "hidden", "lens", "pictures", "covered",
+    "bodies", "slip", "silence",
+)  # fmt: skip
 
 
 def children(seed: int) -> dict[str, np.random.Generator]:

@@ -10,6 +10,7 @@ from workbench.arena.camera_config import CameraConfig
 from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
+from workbench.formation.body import BodyConfig
 from workbench.formation.readings import reading_tilings
 from workbench.formation.reward import PRESETS
 from workbench.learning.config import LearnerConfig
@@ -58,6 +59,7 @@ class ConvoyConfig:
     noise_bearing_rad: float = real(0.0, 1.0, "rad", "standard deviation of white noise on the sensed bearing", default=0.0)
     camera: CameraConfig = part(CameraConfig, "the overhead camera", default=CameraConfig())
     infrared: InfraredConfig = part(InfraredConfig, "proximity sensors and what they look at", default=InfraredConfig())
+    body: BodyConfig = part(BodyConfig, "how robots and their link differ from the nominal ones", default=BodyConfig())
     threshold_counts: float = real(
         1.0, 1000.0, "counts", "infrared readings below it do not count as seen; 12 are five standard deviations", default=12.0
     )
@@ -130,6 +132,11 @@ class ConvoyConfig:
             raise ValueError(
                 "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; what this rule remembers of its last "
                 "update is wrong once others have written to its table: expected weights = 'own' or 'first'"
+            )
+        if self.body.delay and self.delay_steps:
+            raise ValueError(
+                f"ConvoyConfig.body.delay = {self.body.delay!r} with compute_time_s = {self.compute_time_s!r} and no buffer; "
+                "expected one or the other: give the whole delay in control periods"
             )
         steps = self.compute_time_s / TIMESTEP[self.drive]
         if not math.isclose(steps, round(steps), rel_tol=1e-9):

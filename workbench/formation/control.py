@@ -14,6 +14,7 @@ import numpy as np
 from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
+from workbench.formation.body import drive_body
 from workbench.formation.camera_sense import camera_pose, observe_tracked
 from workbench.formation.errors import observe
 from workbench.formation.follower import LEARNED, LOSS, act, learn
@@ -69,28 +70,32 @@ def _formation_step(
     steps[0].phase = FOLLOW
     if task.external != 0:
         left, right = _lead(task, floor, robots[0], chance)
-        write_command(ctrl, 0, task.wheels, left, right)
-        write_command(waiting, 0, task.wheels, left, right)
+        _command(task, robots[0], ctrl, 0, left, right, chance)
+        _command(task, robots[0], waiting, 0, left, right, chance)
         steps[0].left, steps[0].right = left, right
 
     epsilon = epsilon_at(task.schedule, task.epsilon, task.epsilon_final, task.epsilon_horizon, float(formation.updates))
     flags = 0
     for i in range(1, robots.size):
         robot, step = robots[i], steps[i]
+        silent = task.body and formation.periods > 0 and chance[task.body_at + 2 * robots.size + i] < task.silence
+        distance, bearing = robot.seen_distance, robot.seen_bearing  # what it goes by where no new reading arrives
         if task.infrared:
             place = task.infrared_at + SENSORS * (i - 1)
-            sense_proximity(task, robots, i, chance[place : place + SENSORS])
+            if not silent:
+                sense_proximity(task, robots, i, chance[place : place + SENSORS])
             distance, bearing = look(task, robot)
-        elif task.camera:
-            distance, bearing = observe_tracked(robot, robots[i - 1])
-        else:
-            distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
-        if task.noisy:
-            place = task.noise_at + 2 * (i - 1)
-            distance = abs(distance + task.distance_noise * chance[place])
-            bearing = wrap(bearing + task.bearing_noise * chance[place + 1])
+        elif not silent:
+            if task.camera:
+                distance, bearing = observe_tracked(robot, robots[i - 1])
+            else:
+                distance, bearing = observe(robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y)
+            if task.noisy:
+                place = task.noise_at + 2 * (i - 1)
+                distance = abs(distance + task.distance_noise * chance[place])
+                bearing = wrap(bearing + task.bearing_noise * chance[place + 1])
+        robot.seen_distance, robot.seen_bearing = distance, bearing
         if i == task.external:  # somebody else drives this robot
-            robot.seen_distance, robot.seen_bearing = distance, bearing
             continue
         if task.law:
             _know_ahead(robot, robots[i - 1])
@@ -99,9 +104,9 @@ def _formation_step(
             epsilon if robot.learns else 0.0, chance[2 + i], formation.updates < formation.budget,
         )  # fmt: skip
         if task.delayed:  # what has just been learned took time, in which the wheels hold the last command
-            write_command(waiting, i, task.wheels, left, right)
+            _command(task, robot, waiting, i, left, right, chance)
         if not (task.delayed and step.event & LEARNED):
-            write_command(ctrl, i, task.wheels, left, right)
+            _command(task, robot, ctrl, i, left, right, chance)
         step.left, step.right = left, right
         if step.event & LEARNED:
             formation.updates += 1
@@ -119,6 +124,20 @@ def _formation_step(
         formation.done = 1
         flags |= FINISHED
     return flags
+
+
+@compiled
+def _command(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, chance: Any) -> None:
+    if task.body:
+        drive_body(task, robot, ctrl, i, left, right, chance[task.body_at + 2 * i], chance[task.body_at + 2 * i + 1])
+    else:
+        write_command(ctrl, i, task.wheels, left, right)
+
+
+@compiled
+def carry_out(task: Any, robots: Any, ctrl: Any, i: int, left: int, right: int, chance: Any) -> None:
+    """Write the command of a robot that somebody else drives into its formation's ctrl row."""
+    _command(task[0], robots[i], ctrl, i, left, right, chance)
 
 
 @compiled

@@ -27,11 +27,12 @@ from numpy.typing import NDArray
 
 from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World
+from workbench.formation.body import draw_bodies
 from workbench.formation.camera_sense import Eyes
 from workbench.formation.chance import CHILDREN, children, own_chance
 from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
-from workbench.formation.control import DIVERGED, FORMATION, control_step
+from workbench.formation.control import DIVERGED, FORMATION, carry_out, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
 from workbench.formation.reset import FOLLOW
 from workbench.formation.task import fill_task
@@ -86,7 +87,7 @@ class Convoy:
     ) -> None:
         if not seeds:
             raise ValueError("seeds is empty; expected at least one seed")
-        if steps < 0 or (steps == 0 and not periods):
+        if steps < 0 or not (steps or periods):
             raise ValueError(f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1")
         if law is not None:
             if steps or policy is not None:
@@ -95,7 +96,7 @@ class Convoy:
         self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
         self._rngs = [children(seed) for seed in seeds]
-        tracks = [_track(config, rng["track"]) for rng in self._rngs]
+        tracks = [track_of(config, rng["track"]) for rng in self._rngs]
         self.world = World(
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
             line_width_m=config.track.line_width_m, threads=threads, furnish=furnish,
@@ -105,8 +106,7 @@ class Convoy:
         empty = new_trace(pairs)
         self._trace_ids = np.tile(np.stack([empty[0], empty[2], empty[0]]), (count, n, 1, 1))
         self._trace_values = np.zeros((count, n, 2, pairs))
-        self._waiting = np.zeros_like(self.world.ctrl)  # the commands of this period, where they wait for an update
-        self._delay = config.delay_steps
+        self._waiting, self._delay = np.zeros_like(self.world.ctrl), config.delay_steps  # commands that wait for an update
         self._formations = np.zeros(count, FORMATION)
         self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
         limit = periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
@@ -138,8 +138,12 @@ class Convoy:
             self._draws.append(("noise", 2 * n, False))
         if config.sensing in INFRARED:
             self._draws.append(("infrared", SENSORS * n, False))
-        self._sights = np.zeros((count, n + 1, 4))
-        self._lens, self._eyes = np.zeros((count, 3, 2, 2)), list[Eyes]()
+        if not config.body.nominal:
+            self.task["body_at"] = sum(width for _, width, _ in self._draws)
+            self._draws += [("slip", 2 * (n + 1), False), ("silence", n + 1, True)]
+            for robots, rng in zip(self.robots, self._rngs, strict=True):
+                robots["wheel"], robots["axle"] = draw_bodies(rng["bodies"], config.body, n + 1)
+        self._sights, self._lens, self._eyes = np.zeros((count, n + 1, 4)), np.zeros((count, 3, 2, 2)), list[Eyes]()
         if config.sensing in CAMERA:
             self._draws += [("camera", 3 * (n + 1), False), ("hidden", n + 1, True)]
             self._hang_camera()
@@ -148,8 +152,7 @@ class Convoy:
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
             self.task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self.robots,
-            self.weights, self._trace_ids, self._trace_values, self._chance, self._block,
-            self._sights, self._lens,
+            self.weights, self._trace_ids, self._trace_values, self._chance, self._block, self._sights, self._lens,
         )  # fmt: skip
         types = tuple(numba.typeof(argument) for argument in (0, *arrays))
         control_step.compile(types)
@@ -185,7 +188,7 @@ class Convoy:
 
         Raises:
             FloatingPointError: learning diverged; the message names seed, update, norms and step sizes.
-        RuntimeError: the physics became unstable.
+            RuntimeError: the physics became unstable.
         """
         self._draw()
         before = self.periods.copy()
@@ -229,6 +232,11 @@ class Convoy:
             self._attend(flags, t % BLOCK)
         steps: NDArray[np.void] = self._block[:, t % BLOCK]
         return steps
+
+    def command(self, robot: int, left: int, right: int, t: int) -> None:
+        """Tell a robot that somebody else drives its wheel speeds in steps/s for period t, as its body carries them out."""
+        for b in range(len(self.seeds)):
+            carry_out(self.task, self.robots[b], self.world.ctrl[b], robot, left, right, self._chance[b, t % BLOCK])
 
     def _draw(self) -> None:
         """Draw the chance of one block."""
@@ -330,7 +338,7 @@ class Convoy:
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
             self.robots[b, 0]["memory"], self.robots[b, 0]["timer"] = self._first_memory, 0
             self.robots[b]["pc"] = self.robots[b]["ps"] = 0.0  # what was measured of the last period is void
-            self.robots[b]["tracked"] = 0
+            self.robots[b]["tracked"] = self.robots[b]["queue"] = 0
             for robot, ids in zip(self.robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
                 robot["phase"], robot["timer"] = FOLLOW, 0
@@ -386,10 +394,7 @@ def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
     return world
 
 
-def track_of(config: ConvoyConfig) -> Track:
-    """Return the track that a formation of this configuration drives on."""
-    return _track(config, children(config.seed)["track"])
-
-
-def _track(config: ConvoyConfig, rng: np.random.Generator) -> Track:
-    return make_track(config.track, rng, convoy_length_m=config.followers * config.middle_m)
+def track_of(config: ConvoyConfig, rng: np.random.Generator | None = None) -> Track:
+    """Return the track that a formation of this configuration drives on, drawn from its seed unless a generator is given."""
+    chance = rng if rng is not None else children(config.seed)["track"]
+    return make_track(config.track, chance, convoy_length_m=config.followers * config.middle_m)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from workbench.compiled import compiled
+from workbench.formation.body import LONGEST_DELAY
 from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
@@ -59,6 +60,8 @@ TASK = np.dtype(
         ("cam_view", "f8", (4,)), ("camera_at", "i8"),
         ("raw_middle", "f8"), ("raw_near", "f8"), ("raw_far", "f8"), ("raw_side", "f8"),
         ("ir_table", "f8", (2, NODES, NODES)),
+        # bodies and link, see formation.body: whether there is anything; share of speed; periods; share; columns of chance
+        ("body", "i8"), ("slip", "f8"), ("command_delay", "i8"), ("silence", "f8"), ("body_at", "i8"),
     ],
     align=True,
 )  # fmt: skip
@@ -90,6 +93,8 @@ FOLLOWER = np.dtype(
         # camera: tracked pose and motion, pose when last found, periods since, whether there is one
         ("mx", "f8"), ("my", "f8"), ("mc", "f8"), ("ms", "f8"), ("mv", "f8"), ("mw", "f8"),
         ("sx", "f8"), ("sy", "f8"), ("sc", "f8"), ("ss", "f8"), ("missed", "i8"), ("tracked", "i8"),
+        # body: wheel radius and axle relative to the nominal ones; commands on their way, steps/s, the newest first
+        ("wheel", "f8"), ("axle", "f8"), ("queue", "i8", (LONGEST_DELAY, 2)),
     ],
     align=True,
 )  # fmt: skip

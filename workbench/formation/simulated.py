@@ -108,12 +108,12 @@ class SimulatedRobot(Robot):
     def _drive(self, left: int, right: int) -> None:
         if self.debug:
             print("→ D", left, right)
-        self.convoy.world.command(0, self.robot, left, right)
         record = self.convoy.robots[0, self.robot]
         record["ran_left"], record["ran_right"] = left, right
 
     def _pass_time(self) -> None:
         if self._started:
+            self.convoy.command(self.robot, *self._speed, self._time)
             self.convoy.world.step()
             self._steps += [motor_speed(speed) * CONTROL_PERIOD for speed in self._speed]
             self._time += 1

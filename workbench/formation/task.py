@@ -58,7 +58,10 @@ def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -
         "external": -1,
         "slowest": steps_from_speed(config.wheel_speed_mps[0]), "fastest": steps_from_speed(config.wheel_speed_mps[1]),
     }  # fmt: skip
-    plain |= _sensors(config)
+    plain |= _sensors(config) | {
+        "body": not config.body.nominal, "slip": config.body.slip, "command_delay": config.body.delay,
+        "silence": config.body.missed,
+    }  # fmt: skip
     if config.sensing in CAMERA:
         plain |= _camera(config)
     if config.sensing in INFRARED:
