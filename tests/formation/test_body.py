@@ -27,11 +27,13 @@ def _block(config, periods=300, policy=None):
     return block[block["phase"][:, 0] >= 0].copy(), theta
 
 
-def test_a_nominal_body_changes_nothing_and_is_the_default():
+@pytest.mark.parametrize("sensing", ["truth", "camera", "ir-raw"])
+def test_a_nominal_body_changes_nothing_and_is_the_default(sensing):
     assert BASE.body.nominal and BodyConfig(delay=0).nominal and not WORN.nominal
-    plain, _ = _block(BASE)
+    config = replace(wb.SETTINGS["infrared"] if sensing == "ir-raw" else BASE, followers=2, drive="planar", sensing=sensing)
+    plain, _ = _block(config)
     late = BodyConfig(missed=1e-12)  # everything switched on, nothing of it in effect
-    same, _ = _block(replace(BASE, body=late))
+    same, _ = _block(replace(config, body=late))
     for name in ("left", "right", "state", "phase"):
         assert_array_equal(plain[name], same[name])
     assert_allclose(plain["x"], same["x"], atol=1e-6)

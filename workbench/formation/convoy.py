@@ -138,15 +138,15 @@ class Convoy:
             self._draws.append(("noise", 2 * n, False))
         if config.sensing in INFRARED:
             self._draws.append(("infrared", SENSORS * n, False))
+        self._sights, self._lens, self._eyes = np.zeros((count, n + 1, 4)), np.zeros((count, 3, 2, 2)), list[Eyes]()
+        if config.sensing in CAMERA:
+            self._draws += [("camera", 3 * (n + 1), False), ("hidden", n + 1, True)]
+            self._hang_camera()
         if not config.body.nominal:
             self.task["body_at"] = sum(width for _, width, _ in self._draws)
             self._draws += [("slip", 2 * (n + 1), False), ("silence", n + 1, True)]
             for robots, rng in zip(self.robots, self._rngs, strict=True):
                 robots["wheel"], robots["axle"] = draw_bodies(rng["bodies"], config.body, n + 1)
-        self._sights, self._lens, self._eyes = np.zeros((count, n + 1, 4)), np.zeros((count, 3, 2, 2)), list[Eyes]()
-        if config.sensing in CAMERA:
-            self._draws += [("camera", 3 * (n + 1), False), ("hidden", n + 1, True)]
-            self._hang_camera()
         self._chance = np.zeros((count, BLOCK, sum(width for _, width, _ in self._draws)))
         self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
