@@ -92,6 +92,12 @@ def beside(axes: Sequence[Axes]) -> None:
         ax.set_yticklabels([])
 
 
+def one_note(axes: Sequence[Axes]) -> None:
+    """Leave the note on bands to the first of several plots side by side, where it would not fit above each."""
+    for ax in axes[1:]:
+        note(ax, "")
+
+
 def _seeds(summary: pd.DataFrame) -> str:
     seeds = sorted(summary["seeds"].unique())
     return str(seeds[0]) if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]}"
