@@ -33,7 +33,7 @@ def _follower(phase=FOLLOW, timer=0):
 
 @njit
 def _manoeuvre(follower, distance, bearing, sight):
-    return manoeuvre(follower[0], distance, bearing, MIDDLE, HALF, LIMIT, sight, 0)
+    return manoeuvre(follower[0], distance, bearing, MIDDLE, HALF, LIMIT, sight, 0, 1.0)
 
 
 @njit

@@ -101,7 +101,7 @@ def test_blinding_light_is_seen_and_ends_in_standing_still():
 def test_a_search_is_bounded_and_never_turns_round():
     heading = 0.0
     for timer in range(60):
-        left, right = drive_on(timer, 0.0)
+        left, right = drive_on(timer, 0.0, 1.0)
         assert abs(left) <= 1000 and abs(right) <= 1000
         heading += (right - left) * 0.000128805 / 0.053 * 0.1
         assert abs(heading) < math.radians(75)

@@ -61,7 +61,7 @@ TASK = np.dtype(
         ("raw_middle", "f8"), ("raw_near", "f8"), ("raw_far", "f8"), ("raw_side", "f8"),
         ("ir_table", "f8", (2, NODES, NODES)),
         # bodies and link, see formation.body: whether there is anything; share of speed; periods; share; columns of chance
-        ("body", "i8"), ("slip", "f8"), ("command_delay", "i8"), ("silence", "f8"), ("body_at", "i8"),
+        ("body", "i8"), ("slip", "f8"), ("command_delay", "i8"), ("silence", "f8"), ("body_at", "i8"), ("haste", "f8"),
     ],
     align=True,
 )  # fmt: skip
@@ -260,7 +260,8 @@ def _choose(
     if follower.phase != FOLLOW:
         before = follower.phase
         left, right = manoeuvre(
-            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared
+            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared,
+            task.haste,
         )  # fmt: skip
         if follower.phase != FOLLOW:
             if follower.phase == SEARCH and before != SEARCH:
@@ -289,7 +290,8 @@ def _choose(
         begin_reset(follower, distance, task.middle - task.half_range)
         step.phase = follower.phase
         left, right = manoeuvre(
-            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared
+            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared,
+            task.haste,
         )  # fmt: skip
         return left, right, finite
     step.phase = FOLLOW

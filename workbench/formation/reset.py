@@ -46,8 +46,9 @@ def begin_reset(follower: Any, distance: float, near: float) -> None:
 
 @compiled
 def manoeuvre(
-    follower: Any, distance: float, bearing: float, middle: float, half_range: float, limit: float, sight: float, own_senses: int
-) -> tuple[int, int]:
+    follower: Any, distance: float, bearing: float, middle: float, half_range: float, limit: float, sight: float,
+    own_senses: int, haste: float,
+) -> tuple[int, int]:  # fmt: skip
     """Advance the state machine by one control period and return the wheel commands in steps/s.
 
     Args:
@@ -57,6 +58,7 @@ def manoeuvre(
         limit: terminal bearing in rad.
         sight: distance in m beyond which the predecessor is out of sight.
         own_senses: 1 where the robot has only its own infrared to search with, see ``drive_on``.
+        haste: what share of a bearing it turns away per control period: 1, less where its commands are known to come late.
     """
     seen = distance <= sight
     error = distance - middle
@@ -68,7 +70,7 @@ def manoeuvre(
             follower.phase = LOST
             return 0, 0
         elif own_senses:
-            return drive_on(follower.timer, bearing)
+            return drive_on(follower.timer, bearing, haste)
         else:
             return -SEARCH_SPEED, SEARCH_SPEED
     if abs(error) < half_range / 3 and abs(bearing) < limit:
@@ -78,7 +80,7 @@ def manoeuvre(
         follower.phase = SEARCH
         follower.timer = 0
         if own_senses:
-            return drive_on(0, bearing)
+            return drive_on(0, bearing, haste)
         return -SEARCH_SPEED, SEARCH_SPEED
     away = -MAX_STEPS if abs(bearing) < math.pi / 2 else MAX_STEPS
     if follower.phase == BACK_OFF and error < 0:
@@ -87,7 +89,7 @@ def manoeuvre(
         return MAX_STEPS, MAX_STEPS
     if abs(bearing) >= TOLERANCE:
         follower.phase = TURN
-        return _turn_to(bearing)
+        return _turn_to(bearing * haste)
     if error > 0:
         follower.phase = APPROACH
         return MAX_STEPS, MAX_STEPS
@@ -102,10 +104,10 @@ def _turn_to(bearing: float) -> tuple[int, int]:
 
 
 @compiled
-def drive_on(timer: int, sought: float) -> tuple[int, int]:
+def drive_on(timer: int, sought: float, haste: float) -> tuple[int, int]:
     """Return commands of the search with own senses: to where the predecessor was seen last, then on, swinging."""
     if timer < _HALF_SWING and abs(sought) >= TOLERANCE:
-        return _turn_to(sought)
+        return _turn_to(sought * haste)
     if timer < 2 * _HALF_SWING:
         return MAX_STEPS, MAX_STEPS
     swing = _SWING if (timer + _HALF_SWING // 2) // _HALF_SWING % 2 else -_SWING

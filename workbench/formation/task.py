@@ -60,7 +60,7 @@ def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -
     }  # fmt: skip
     plain |= _sensors(config) | {
         "body": not config.body.nominal, "slip": config.body.slip, "command_delay": config.body.delay,
-        "silence": config.body.missed,
+        "silence": config.body.missed, "haste": 1.0 / (1 + 2 * config.body.delay),
     }  # fmt: skip
     if config.sensing in CAMERA:
         plain |= _camera(config)
