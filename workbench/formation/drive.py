@@ -160,8 +160,9 @@ class DriveReport:
 
     Attributes:
         periods: control periods; missed: those that began late; worst_latency_s: by how much at most.
-        losses, recoveries: of the robot in front.
-        command_latency_s: mean time from readings to command; late_commands: those that took longer than a control period.
+        losses, recoveries: of the robot in front; updates: learning updates since the follower began.
+        command_latency_s: mean time from when the readings were there to the command; late_commands: those that took longer than
+            a control period.
     """
 
     periods: int

@@ -7,13 +7,14 @@ again and can restart learning in a new episode." As a state machine, in phases:
                      └─▶ TURN      on the spot until |bearing| < 10°
                            └─▶ APPROACH  straight on at full speed; back to TURN beyond 20°
     BACK_OFF, TURN, APPROACH ──|e_d| within a third of the half range, bearing inside its bounds──▶ FOLLOW
-    any of them ──5 s──▶ SEARCH  turn on the spot, up to one turn, until the predecessor is in sight, then start again
+    any of them ──5 s, or out of sight──▶ SEARCH  turn on the spot, up to one turn, until it is in sight, then start again
     SEARCH ──no sight──▶ LOST    stand still; start again when the predecessor is in sight
 
 With sensing "truth" the predecessor is known anywhere, as with the paper's camera; ``sight_m`` bounds it. A robot that has
 nothing but its own infrared sees 15 cm far. It then searches where it saw its predecessor last: it turns there, drives on at
-full speed for half a second or more, then swings its nose by 30° to both sides, and after six seconds gives up (our choice: the
-paper says nothing). It never turns far enough to take the robot behind it for the one in front.
+full speed for half a second or more, then more slowly while it swings its nose by 30° to both sides, and after six seconds gives
+up (our choice: the paper says nothing). One search never turns far enough to look back at the robot behind; several can, and
+infrared cannot tell who is in front.
 
 Contract: ``manoeuvre`` reads and writes one follower's record; counts are in control periods.
 """

@@ -7,7 +7,7 @@ Both routes of the paper's section III-B look at the same two readings, of the l
                 manoeuvre use the inversion, as a firmware would hold them as thresholds on counts.
 
 Nothing is seen below a threshold of counts. Where a side sensor (ps1, ps6) reads more than the front ones, the robot in front
-is about 50° to that side. What has been seen last is remembered and turned on with the robot's own commands.
+is about 50° to that side. What was seen last is remembered, and turned along with the robot's own commands.
 
 Contract: compiled; writes the follower's record, allocates nothing. A robot in sight has a finite distance; UNSEEN otherwise.
 """
@@ -66,10 +66,10 @@ def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
                 light = circles_light(
                     k, x, y, c, s, robot.near_x, robot.near_y, count, task.ir_radius, task.ir_strength, task.ir_beacon
                 )
-            left = headroom(k, c, s, task.ambient, task.ambient_c, task.ambient_s)
-            raw = raw_reading(light, robot.gain[k], robot.offset[k], left, noise[k], task.ir_spread)
+            room = headroom(k, c, s, task.ambient, task.ambient_c, task.ambient_s)
+            raw = raw_reading(light, robot.gain[k], robot.offset[k], room, noise[k], task.ir_spread)
             robot.prox[k] = max(raw - robot.bias[k], 0.0)
-            robot.headroom[k] = round(left)
+            robot.headroom[k] = round(room)
 
 
 @compiled
@@ -86,7 +86,7 @@ def look(task: Any, robot: Any) -> tuple[float, float]:
     if front >= side:
         distance, bearing = invert(task.ir_table, left, right)
     else:
-        distance, _ = invert(task.ir_table, side, 0.1 * side)
+        distance, _ = invert(task.ir_table, side, 0.1 * side)  # as if a front sensor saw it that much to one side
         bearing = SIDEWAYS if robot.prox[6] > robot.prox[1] else -SIDEWAYS
     robot.sought = bearing
     return distance, bearing

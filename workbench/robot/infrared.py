@@ -10,7 +10,8 @@ at a distance d under an angle of incidence θ, Lambert's law gives a share cos 
 Sources and freedom. Bearings: box sweep with a real e-puck1 (github clamesc/ePuck-Box-Pushing): 17/49/90/150°. The lobe's
 exponent, d₀ and the ring's radius were chosen to follow that sweep (``python -m workbench validate infrared``); A lies between
 published 1.5 and 5.2·10⁵ counts mm² (GCtronic's ROS driver 2.5, Enki 2.3). S: 3751 to 3896 counts per sensor in the sweep. Noise:
-robust spread of a moving e-puck2 (github Wii42/Robotics_Project): 6 counts below 200, 17 to 21 to 800, about 220 above. Sampling:
+robust spread of a moving e-puck2 (github Wii42/Robotics_Project): 6 counts below 200, 17 to 21 to 800, about 220 above; one
+smooth curve through these overstates it between 500 and 800 counts, up to threefold. Sampling:
 gctronic/e-puck-library: sensor pairs (0,4) (1,5) (2,6) (3,7) in turn, 3.967 ms each, so that ps7 is 11.9 ms younger than ps0.
 Reflectances of shell, cup and tape, the beacon and ambient light are nobody's measurement: assumptions, see TARGETS.
 
@@ -82,7 +83,11 @@ class InfraredConfig:
     ambient_direction_rad: float = real(
         -math.pi, math.pi, "rad", "where that light comes from, in the arena's frame", default=0.0
     )
-    warp: str = choice(WARPS, "monotone distortion of all readings, to see whether absolute counts matter", default="none")
+    warp: str = choice(
+        WARPS,
+        "monotone distortion of the readings that ir-raw tiles and rewards; bounds and reset go by undistorted ones",
+        default="none",
+    )
 
     def _check(self) -> None:
         if self.offset_counts[0] > self.offset_counts[1]:

@@ -33,7 +33,7 @@ def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0,
 
     body = SimulatedRobot(config if config is not None else replace(SETTINGS["infrared"], followers=1))
     with Emulator(body, protocol, rate=rate, port=port) as emulator:
-        print(f"an emulated {protocol} listens at {emulator.url}; stop it with Ctrl-C", flush=True)
+        print(f"an emulated {protocol} listens (stop it with Ctrl-C) at\n{emulator.url}", flush=True)
         until = time.monotonic() + seconds if seconds else float("inf")
         while time.monotonic() < until:
             time.sleep(0.1)

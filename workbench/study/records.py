@@ -186,6 +186,8 @@ def _numbers(config: ConvoyConfig, visits: NDArray[np.int32], sums: NDArray[np.f
     column = {name: sums[:, :, k] for k, name in enumerate(SUMS)}
     cell, cell_place = best_cell(pooled)
     block, block_place = best_block(pooled)
+    if not pooled.any():
+        cell = block = math.nan
     following = pooled.sum() / max(column["periods"].sum(), 1)
     e_mean, _, e_rms = moments(column["visits"], column["distance"], column["distance2"])
     o_mean, o_std, _ = moments(column["visits"], column["bearing"], column["bearing2"])
