@@ -12,12 +12,13 @@ from workbench.arena.proximity import add_box
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.drive import SoloFollower, drive
-from workbench.formation.follower import BLINDED, LOSS
+from workbench.formation.follower import BLINDED, FOLLOWER, LOSS
 from workbench.formation.reset import FOLLOW, LOST, drive_on
-from workbench.formation.simulated import SimulatedRobot
+from workbench.formation.simulated import SimulatedRobot, _sense
+from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
 from workbench.robot.ground import extremes
-from workbench.robot.infrared import InfraredConfig
+from workbench.robot.infrared import SLOT, InfraredConfig, circles_light, saturate
 from workbench.robots import open_robot
 from workbench.study.infrared_trials import recoveries, true_errors, within
 
@@ -192,7 +193,26 @@ def test_a_follower_needs_what_its_task_needs():
 
 def test_losses_are_judged_over_ten_seconds():
     events = np.zeros((500, 1), np.int16)
-    events[[10, 200, 350, 450]] = LOSS
+    events[[10, 200, 350, 400, 450]] = LOSS
     following = np.zeros((500, 1), bool)
-    following[[5, 30, 320]] = True  # after 2 s and after 12 s; the loss at 45 s has no ten seconds left
+    following[[5, 30, 320]] = True  # after 2 s and after 12 s; the losses at 40 and 45 s have no ten seconds left
     assert recoveries(events, following) == (1, 3)
+
+
+@pytest.mark.parametrize("turn", [-4.8, -1.0, 0.5, 3.0, 4.8])
+@pytest.mark.parametrize("samples", [1, 6, 16])
+def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_sampled(turn, samples):
+    config = replace(INFRARED, infrared=InfraredConfig(samples=samples, noise=0.0, gain_spread=0.0, offset_counts=(0.0, 0.0)))
+    task, robots = fill_task(config, 0), np.zeros(2, FOLLOWER)
+    robots["c"], robots["gain"] = 1.0, 1.0
+    robots[0]["x"], robots[1]["turn"], robots[1]["speed"], robots[0]["speed"] = 0.105, turn, 0.06, 0.05
+    _sense(task, robots, 1, np.zeros(8))
+    for k in range(8):
+        age = config.infrared.age_s + (3 - k % 4) * SLOT
+        radius = 0.06 / turn  # on an arc, exactly
+        x, y, heading = -radius * math.sin(turn * age), radius * (1 - math.cos(turn * age)), -turn * age
+        light = circles_light(
+            k, x, y, math.cos(heading), math.sin(heading), np.array([0.105 - 0.05 * age]), np.zeros(1), 1,
+            float(task["ir_radius"][0]), float(task["ir_strength"][0]), 0,
+        )  # fmt: skip
+        assert robots[1]["prox"][k] == pytest.approx(saturate(light, 4000.0), abs=0.8, rel=0.02)

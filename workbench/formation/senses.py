@@ -49,14 +49,15 @@ def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
     for slot in range(4):  # the younger the pair, the smaller the age: poses are extrapolated back
         age = task.ir_age + (3 - slot) * SLOT
         turned = -age * robot.turn
-        c, s = robot.c - robot.s * turned, robot.s + robot.c * turned
-        x, y = robot.x - age * robot.speed * robot.c, robot.y - age * robot.speed * robot.s
+        cos, sin = math.cos(turned), math.sin(turned)
+        c, s = robot.c * cos - robot.s * sin, robot.s * cos + robot.c * sin
+        x, y = _earlier(robot, age)
         count = 0
         for j in range(robots.size):
             if j == i or count == NEAR:
                 continue
             other = robots[j]
-            ox, oy = other.x - age * other.speed * other.c, other.y - age * other.speed * other.s
+            ox, oy = _earlier(other, age)
             if (ox - x) * (ox - x) + (oy - y) * (oy - y) < reach * reach:
                 robot.near_x[count], robot.near_y[count] = ox, oy
                 count += 1
@@ -70,6 +71,16 @@ def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
             raw = raw_reading(light, robot.gain[k], robot.offset[k], room, noise[k], task.ir_spread)
             robot.prox[k] = max(raw - robot.bias[k], 0.0)
             robot.headroom[k] = round(room)
+
+
+@compiled
+def _earlier(robot: Any, age: float) -> tuple[float, float]:
+    """Return where a robot was some seconds ago, on the chord of the arc that it drives."""
+    half = -age * robot.turn / 2
+    along = age * robot.speed
+    x: float = robot.x - along * (robot.c * math.cos(half) - robot.s * math.sin(half))
+    y: float = robot.y - along * (robot.s * math.cos(half) + robot.c * math.sin(half))
+    return x, y
 
 
 @compiled

@@ -91,7 +91,7 @@ def recoveries(events: NDArray[np.int16], following: NDArray[np.bool_]) -> tuple
     for event, follows in zip(events.T, following.T, strict=True):
         back = np.flatnonzero(follows)
         lost = np.flatnonzero(event & LOSS)
-        lost = lost[lost + WITHIN <= len(event)]
+        lost = lost[lost + WITHIN < len(event)]
         next_back = np.append(back, len(event) + WITHIN)[np.searchsorted(back, lost, side="left")]
         losses += len(lost)
         recovered += int(np.count_nonzero(next_back - lost <= WITHIN))
@@ -124,11 +124,12 @@ def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, fl
             for _ in range(int(rng.integers(1, LONGEST_HOLD + 1))):
                 robot.set_motors_speed(0, 0)
                 robot.step()
-            losses_before = lost
+            gone = False
             for period in range(WITHIN):
                 back = follow()
-                lost += bool(follower.step["event"] & LOSS)
-                if back and (lost > losses_before or period >= LONGEST_HOLD):
+                if not gone and follower.step["event"] & LOSS:
+                    gone, lost = True, lost + 1
+                if back and (gone or period >= LONGEST_HOLD):
                     recovered += 1
                     break
             else:  # the leader is gone: the next hold begins behind it again

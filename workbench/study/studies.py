@@ -30,6 +30,8 @@ _TRIAL_SOURCES = (
     "study/smoothness.py",
     "study/infrared_trials.py",
     "study/camera_trials.py",
+    "study/transfer_trials.py",
+    "study/worlds.py",
 )
 DENSE_UPDATE_S = 24e-6  # one update of 81 × 49 weights, textbook NumPy on a desktop computer; measured, see the notebooks
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from workbench.fields import choice, configuration, integer
 from workbench.formation.body import BodyConfig
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
 from workbench.formation.policy import Policy
@@ -26,9 +26,10 @@ from workbench.study.infrared_trials import true_errors, within
 from workbench.study.trials import UNSEEN, Trial
 from workbench.study.worlds import emulated_world
 
-TRAININGS = ("nominal", "randomised", "there", "nominal, then there")
+TRAININGS = ("nominal", "delay matched", "randomised", "there", "nominal, then there")
 RANDOM_WORLDS = 10  # tuning worlds that randomised training goes through, one after the other
 EARLY = 5_000  # updates over which a warm start is compared with a cold one
+NOISE_FACTORS = (0, 1, 2, 3, 4, 5)
 OTHER_BODY = BodyConfig(wheel_spread=0.02, axle_spread=0.02)
 
 
@@ -50,7 +51,8 @@ def measure_transfer(trial: Transfer) -> dict[str, float]:
             world = emulated_world(config, RANDOM_WORLDS * seed + k, family="tuning")
             theta, _ = _learned(world.with_seed(seed + 100 * k), trial.steps // RANDOM_WORLDS, theta)
     elif trial.training != "there":
-        theta, _ = _learned(config, trial.steps, None)
+        known = BodyConfig(delay=there.body.delay) if trial.training == "delay matched" else BodyConfig()
+        theta, _ = _learned(replace(config, body=known), trial.steps, None)
     if trial.training.endswith("there"):
         theta, losses = _learned(there, trial.there_steps, theta)
         numbers["losses_there"] = float(losses)
@@ -74,6 +76,25 @@ def measure_copies(trial: Trial) -> dict[str, float]:
             numbers = _errors(config, steps, slice(follower, follower + 1))
             result |= {f"{name}_{key}_{follower + 1}": value for key, value in numbers.items()}
     return result
+
+
+def measure_gap(trial: Trial) -> dict[str, float]:
+    """Return how a policy that learned with noise × 1 follows with noise × 0 to × 5: of infrared, or white on true errors."""
+    config = trial.config
+    theta, _ = _learned(config, trial.steps, None)
+    result: dict[str, float] = {}
+    for factor in NOISE_FACTORS:
+        noisy = with_noise(config, factor).with_seed(config.seed + UNSEEN)
+        errors = _errors(noisy, _followed(noisy, theta, trial), slice(None))
+        result |= {f"{key}_noise_{factor}": value for key, value in errors.items()}
+    return result
+
+
+def with_noise(config: ConvoyConfig, factor: float) -> ConvoyConfig:
+    """Return a configuration whose sensors are a factor times as noisy as it says."""
+    if config.sensing in INFRARED:
+        return replace(config, infrared=replace(config.infrared, noise=factor * config.infrared.noise))
+    return replace(config, noise_distance_m=factor * config.noise_distance_m, noise_bearing_rad=factor * config.noise_bearing_rad)
 
 
 def measure_warm(trial: Trial) -> dict[str, float]:
