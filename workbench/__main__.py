@@ -5,6 +5,7 @@ The last line of every verb is one JSON object.
 
 import argparse
 import json
+import signal
 import sys
 import time
 from contextlib import ExitStack
@@ -21,6 +22,7 @@ from workbench.learning.config import LearnerConfig
 from workbench.robot.faults import RobotError
 from workbench.study.storage import plain
 
+ROBOT_VERBS = ("emulate", "drive", "record")
 _UNITS = """Units: speeds in m/s or motor steps/s (1 step = 0.1288 mm), lengths in m (…_m), angles in rad (…_rad) or degrees
 (…_deg), errors in mm (…_mm), times in simulated minutes or wall-clock seconds (wall_s). STEPS are learning updates,
 summed over the followers. A share is a part of all visits; …_all_time has reset and lost time in the denominator.
@@ -90,6 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     drive.add_argument("--seconds", type=float, default=60.0, help="how long (default 60)")
     drive.add_argument("--learn", type=int, default=0, help="learn on, over so many updates (default: follow greedily)")
     drive.add_argument("--record", help="write a recording to this .csv")
+    drive.add_argument("--out", help="folder to keep the weights in, where it learns")
     drive.add_argument("--real", action="store_true", help="the recording is of a real robot, not of an emulated one")
 
     record = verbs.add_parser("record", help="record a robot that stands or drives at constant speeds")
@@ -112,6 +115,10 @@ def main(arguments: list[str] | None = None) -> int:
     flags = _parser().parse_args(arguments)
     begun = time.perf_counter()
     code = 0
+    before = {}
+    if flags.verb in ROBOT_VERBS:  # a robot is stopped also when the program is told to end, or its terminal goes away
+        ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+        before = {number: signal.signal(number, signal.default_int_handler) for number in ends}
     try:
         if flags.verb == "learn":
             result = _learn(flags)
@@ -136,11 +143,14 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(
-            "interrupted: what is finished is stored; the same command continues, learn and evaluate with --resume",
-            file=sys.stderr,
-        )
+        stored = "what is finished is stored; the same command continues, learn and evaluate with --resume"
+        if flags.verb in ROBOT_VERBS:
+            stored = "the robot has been told to stop; a recording keeps what was written"
+        print(f"interrupted: {stored}", file=sys.stderr)
         return 130
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     result["wall_s"] = round(time.perf_counter() - begun, 1)
     print(json.dumps(plain(result), ensure_ascii=False))
     return code
@@ -256,8 +266,9 @@ def _robot(flags: argparse.Namespace) -> dict[str, Any]:
         return {"url": live.emulate(flags.protocol, port=flags.port, rate=flags.rate, seconds=flags.seconds)}
     if flags.verb == "drive":
         return live.drive_robot(
-            flags.robot, flags.weights, seconds=flags.seconds, learn=flags.learn, record=flags.record, real=flags.real
-        )
+            flags.robot, flags.weights, seconds=flags.seconds, learn=flags.learn, record=flags.record, real=flags.real,
+            out=flags.out,
+        )  # fmt: skip
     if flags.verb == "record":
         speeds = (flags.speeds[0], flags.speeds[1])
         return live.record_robot(flags.robot, flags.out, seconds=flags.seconds, speeds=speeds, real=flags.real)

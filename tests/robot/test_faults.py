@@ -1,6 +1,12 @@
 """Links that fail (R2, R4): a robot is stopped where a channel is alive, first on reconnect, and nothing hangs."""
 
+import os
+import signal
+import socket
 import struct
+import subprocess
+import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -16,6 +22,7 @@ from workbench.robot.epuck1 import SerComRobot
 from workbench.robot.epuck2 import EPuck2Robot
 from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, RobotError
 from workbench.robots import open_robot
+from workbench.study.runs import learn
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 TIMEOUT = 0.15  # a busy machine answers late
@@ -199,3 +206,136 @@ def test_nobody_at_the_other_end_is_told_at_once():
         EPuck2Robot("127.0.0.1:1").connect()
     assert time.monotonic() - begun < LONGEST
     assert issubclass(LinkLost, RobotError)
+
+
+def _lose_a_byte_of(emulator, times):
+    """Let the robot hear D,,0 instead of D,0,0, so many times."""
+    feed, left = emulator._firmware.feed, [times]
+
+    def lossy(data):
+        if left[0] and b"D,0,0" in data:
+            left[0] -= 1
+            data = data.replace(b"D,0,0", b"D,,0")
+        return feed(data)
+
+    emulator._firmware.feed = lossy
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_connecting_makes_sure_that_the_robot_stands_even_if_a_byte_of_stop_is_lost(lost):
+    with _emulator("epuck1") as emulator:
+        emulator._firmware.feed(b"D,400,400\r")
+        _lose_a_byte_of(emulator, lost)
+        with open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT):
+            assert _speed(emulator) == (0, 0)
+
+
+def test_connecting_to_a_robot_that_does_not_stop_is_refused():
+    with _emulator("epuck1") as emulator:
+        emulator._firmware.feed(b"D,400,400\r")
+        _lose_a_byte_of(emulator, 99)
+        with pytest.raises(BadReply, match="may still be moving"):
+            open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT).connect()
+
+
+def test_closing_sends_stop_once_more_if_a_byte_of_it_is_lost():
+    with _emulator("epuck1") as emulator:
+        with open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT) as robot:
+            robot.set_motors_speed(400, 400)
+            _lose_a_byte_of(emulator, 1)
+        assert _speed(emulator) == (0, 0)
+
+
+def test_the_late_half_of_a_binary_reply_is_never_taken_for_readings():
+    with _emulator("overo") as emulator, open_robot(emulator.url, period_s=0.0, timeout_s=0.25) as robot:
+        known = tuple(float(100 * k) for k in range(1, 9))
+        emulator.robot.get_proximity = lambda: known
+        robot.enable("proximity")
+        robot.set_motors_speed(200, 300)
+        refused = 0
+        for _ in range(4):
+            emulator.fault("split")
+            try:
+                robot.step()
+            except (BadReply, LinkTimeout):
+                refused += 1
+                time.sleep(0.3)
+                robot.connect()
+                continue
+            assert robot.get_proximity() == known
+        assert refused >= 1
+
+
+def test_a_cut_off_packet_of_one_client_is_not_completed_by_the_next():
+    with _emulator("epuck2") as emulator:
+        host, port = emulator.address.split(":")
+        with socket.create_connection((host, int(port))) as raw:
+            raw.sendall(struct.pack("<BBBhhB", 0x80, 0, 0, 700, 700, 0))  # the first bytes of a packet that drives
+            time.sleep(0.2)
+        with open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT):
+            assert _speed(emulator) == (0, 0)
+
+
+def test_a_client_that_does_not_read_does_not_keep_the_emulator_from_closing():
+    emulator = _emulator("epuck1")
+    emulator.open()
+    port = os.open(emulator.address, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        for _ in range(300):
+            try:
+                os.write(port, b"N\r" * 40)
+            except BlockingIOError:
+                break
+        time.sleep(0.3)
+        closing = threading.Thread(target=emulator.close, daemon=True)
+        closing.start()
+        closing.join(5.0)
+        assert not closing.is_alive()
+    finally:
+        os.close(port)
+
+
+def test_a_period_that_begins_late_because_the_timer_overslept_counts_and_is_followed_by_a_whole_one(monkeypatch):
+    with SimulatedRobot(CONFIG, realtime=True) as robot:
+        robot.enable("proximity")
+        robot.step()
+        sleep = time.sleep
+        monkeypatch.setattr(time, "sleep", lambda seconds: sleep(seconds + 0.08))
+        robot.step()
+        monkeypatch.undo()
+        begun = time.monotonic()
+        robot.step()
+        assert robot.missed_deadlines >= 1 and robot.worst_latency_s > 0.07
+        assert time.monotonic() - begun > 0.09
+
+
+def test_raw_commands_that_drive_and_watchdogs_shorter_than_a_period_are_refused():
+    with _emulator("epuck1") as emulator, open_robot(emulator.url, period_s=0.0) as robot:
+        with pytest.raises(ValueError, match="use set_motors_speed, which the watchdog knows of"):
+            robot.send_and_receive("D,500,500")
+        with pytest.raises(ValueError, match=r"left = 40000; expected a whole number of motor steps, up to ±32767"):
+            robot.set_motor_position(40000, 0)
+    for watchdog in (-1.0, 0.05, float("nan")):
+        with pytest.raises(ValueError, match="watchdog_s = .* expected more than a control period"):
+            SerComRobot("/dev/null", watchdog_s=watchdog)
+    for rate in (-1.0, 1e-12, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match="rate = .*; expected 0 for lockstep"):
+            Emulator(SimulatedRobot(CONFIG), "epuck1", rate=rate)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_program_that_is_told_to_end_stops_the_robot_first(tmp_path, number):
+    learned = learn(replace(CONFIG, state_tiles=(5, 5), action_levels=(3, 3)), steps=500, progress=False)
+    learned.save(tmp_path / "run")
+    with Emulator(SimulatedRobot(learned.config), "epuck1") as emulator:
+        arguments = ["drive", "--robot", emulator.url, "--weights", str(tmp_path / "run"), "--seconds", "60"]
+        program = subprocess.Popen([sys.executable, "-m", "workbench", *arguments], stderr=subprocess.PIPE)
+        until = time.monotonic() + 120
+        while _speed(emulator) == (0, 0) and time.monotonic() < until and program.poll() is None:
+            time.sleep(0.05)
+        assert _speed(emulator) != (0, 0), program.stderr.read() if program.poll() is not None else "it never drove"
+        program.send_signal(number)
+        _, errors = program.communicate(timeout=30)
+        assert program.returncode == 130 and b"the robot has been told to stop" in errors
+        assert _speed(emulator) == (0, 0)

@@ -30,7 +30,8 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.sercom import VARIANTS
 
 PROTOCOLS = (*VARIANTS, "epuck2")
-FAULTS = ("silent", "short", "garbage", "late", "hang up", "half open", "mute")
+SLOWEST, FASTEST = 1e-3, 1e3
+FAULTS = ("silent", "short", "split", "garbage", "late", "hang up", "half open", "mute")
 
 
 class Emulator:
@@ -55,8 +56,12 @@ class Emulator:
     ) -> None:
         if protocol not in PROTOCOLS:
             raise ValueError(f"protocol = {protocol!r}; expected one of {', '.join(PROTOCOLS)}")
-        if rate < 0 or delay_s < 0 or baud < 0:
-            raise ValueError(f"rate = {rate!r}, baud = {baud!r}, delay_s = {delay_s!r}; expected numbers from 0 on")
+        if not (rate == 0 or SLOWEST <= rate <= FASTEST):
+            raise ValueError(
+                f"rate = {rate!r}; expected 0 for lockstep, or {SLOWEST:g} to {FASTEST:g} simulated seconds per second"
+            )
+        if not 0 <= delay_s < 60 or baud < 0:
+            raise ValueError(f"baud = {baud!r}, delay_s = {delay_s!r}; expected numbers from 0 on, and less than a minute")
         self.robot, self.protocol = robot, protocol
         self.rate, self.baud, self.delay_s, self._port = rate, baud, delay_s, port
         self.heard: list[tuple[float, bytes]] = []
@@ -66,6 +71,7 @@ class Emulator:
         self._leave = threading.Event()
         self._threads: list[threading.Thread] = []
         self._deaf = self._mute = False
+        self._rest: tuple[float, bytes] = (0.0, b"")  # when the second half of a split reply follows
 
     def __enter__(self) -> Self:
         self.open()
@@ -112,7 +118,8 @@ class Emulator:
         """Make the next reply fail.
 
         Args:
-            kind: "silent" no reply; "short" half of it; "garbage" random bytes instead; "late" half a second later; "hang up" the
+            kind: "silent" no reply; "short" half of it; "split" half of it, and the other half a third of
+                a second later; "garbage" random bytes instead; "late" half a second later; "hang up" the
                 link ends; "half open" nothing is taken or sent until the next connection; "mute" takes everything and answers
                 nothing until the next connection.
         """
@@ -123,6 +130,7 @@ class Emulator:
     def heal(self) -> None:
         """End all faults."""
         self._faults.clear()
+        self._rest = (0.0, b"")
         self._deaf = self._mute = False
 
     def _start(self, run: Callable[[], None]) -> None:
@@ -146,8 +154,12 @@ class Emulator:
         self.heard.append((time.monotonic(), data))
         if self._deaf:
             return b""
+        due, stalled = self._rest
+        if stalled:  # what was held back goes first
+            self._leave.wait(max(0.0, due - time.monotonic()))
+            self._rest = (0.0, b"")
         with self._lock:
-            reply = self._firmware.feed(data)
+            reply = stalled + self._firmware.feed(data)
         if self._mute:
             return b""
         if self.baud:
@@ -167,13 +179,25 @@ class Emulator:
             return reply
         if kind == "garbage":
             return bytes(self._chance.integers(0, 256, max(1, len(reply)), dtype=np.uint8).tolist())
-        return b"" if kind == "silent" else reply[: len(reply) // 2]
+        half = len(reply) // 2
+        if kind == "split":
+            self._rest = (time.monotonic() + 0.35, reply[half:])
+        return b"" if kind == "silent" else reply[:half]
+
+    def _overdue(self) -> bytes:
+        """Return the second half of a split reply, once its time has come."""
+        due, rest = self._rest
+        if not rest or time.monotonic() < due:
+            return b""
+        self._rest = (0.0, b"")
+        return rest
 
     # SerCom on a pseudo-terminal
 
     def _open_pty(self) -> None:
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
+        os.set_blocking(self._master, False)  # a client that does not read loses what it does not read
         self.address = os.ttyname(self._slave)
         scheme = "overo" if self.protocol == "overo" else "serial"
         self.url = f"{scheme}:{self.address}"
@@ -199,9 +223,7 @@ class Emulator:
             except (OSError, ValueError):
                 self._leave.wait(0.01)
                 continue
-            if not data:
-                continue
-            reply = self._converse(data)
+            reply = self._converse(data) if data else self._overdue()
             try:
                 if reply is None:
                     self._close_pty()
@@ -219,6 +241,7 @@ class Emulator:
             except TimeoutError:
                 continue
             self.heal()
+            self._firmware.forget()
             client.settimeout(0.05)
             with client:
                 self._serve_client(client)
@@ -232,11 +255,9 @@ class Emulator:
                 data = client.recv(4096) if client in ready else None
             except OSError:
                 return
-            if data is None:
-                continue
-            if not data:
+            if data == b"":
                 return
-            reply = self._converse(data)
+            reply = self._converse(data) if data else self._overdue()
             if reply is None:
                 return
             try:

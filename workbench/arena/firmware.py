@@ -48,6 +48,9 @@ class Firmware(Protocol):
     def live(self) -> None:
         """Let the body move on for a control period."""
 
+    def forget(self) -> None:
+        """Drop half a command, when a new client connects."""
+
 
 class _Body:
     """A robot as its firmware sees it."""
@@ -104,6 +107,12 @@ class SerComFirmware:
     def live(self) -> None:
         """Let the body move on for a control period."""
         self._body.live()
+
+    def forget(self) -> None:
+        """Drop half a command."""
+        self._line.clear()
+        self._chain.clear()
+        self._binary = False
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes and return the replies, in order."""
@@ -228,6 +237,10 @@ class EPuck2Firmware:
     def live(self) -> None:
         """Let the body move on for a control period."""
         self._body.live()
+
+    def forget(self) -> None:
+        """Drop half a packet."""
+        self._buffer.clear()
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes and return a reply for every whole command packet; bytes that begin none are skipped."""

@@ -18,7 +18,7 @@ from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import MODULES
 from workbench.robot.infrared import InfraredConfig, front_pair
-from workbench.robot.inversion import WIDEST
+from workbench.robot.inversion import DISTANCES, WIDEST
 from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
 
 TILINGS = ("uniform", "logarithmic")
@@ -158,6 +158,11 @@ class ConvoyConfig:
                 f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = {self.sensing!r}; at {self.distance_m[1]:g} m a "
                 f"{self.infrared.target} reads {far:.1f} counts, below threshold_counts = {self.threshold_counts:g}: expected a "
                 "far bound at which the robot in front is still seen (0.13 for a cup)"
+            )
+        if self.distance_m[1] > DISTANCES[1]:
+            raise ValueError(
+                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = {self.sensing!r}; two readings are inverted up to "
+                f"{DISTANCES[1]:g} m: expected a far bound of at most that"
             )
         if self.bearing_limit_rad > WIDEST:
             raise ValueError(

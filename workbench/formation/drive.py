@@ -10,6 +10,7 @@ sends the command first and learns while it runs.
 Contract: readings are eight calibrated counts, or distance and bearing from a camera. The loop ends with the robot stopped.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -68,6 +69,8 @@ class SoloFollower:
     """
 
     def __init__(self, config: ConvoyConfig, policy: Policy | None = None, *, steps: int = 0) -> None:
+        if steps < 0:
+            raise ValueError(f"steps = {steps!r}; expected 0 to follow greedily, or a number of learning updates")
         if policy is None and not steps:
             raise ValueError("a follower without a policy has to learn; give policy= or steps=")
         if policy is not None:
@@ -206,7 +209,10 @@ def drive(
     see = observer or robot.observe
     losses = recoveries = late = 0
     latency = 0.0
+    if not 0 < seconds < math.inf:
+        raise ValueError(f"seconds = {seconds!r}; expected more than 0")
     missed, periods = robot.missed_deadlines, max(1, round(seconds / _period(robot)))
+    robot.worst_latency_s = 0.0
     try:
         for _ in range(periods):
             robot.step()

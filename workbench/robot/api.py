@@ -45,6 +45,7 @@ SENSORS = (
 DEVICES = ("drive", "motor_position", "calibrate", "led", "body_led", "front_led", "raw", "observe")
 WRAP = 1 << 16
 MAY_MOVE = "the robot may still be moving; stop is the first thing sent on reconnect"
+OVERSLEPT_S = 0.005  # s by which a period may begin late before that counts: what a busy computer's timer is off
 WATCHDOG_S = 0.5  # s without a word from the program after which a moving robot is stopped
 
 
@@ -68,6 +69,11 @@ class Robot(Words):
     def __init__(self, *, period_s: float = CONTROL_PERIOD, watchdog_s: float | None = WATCHDOG_S, debug: bool = False) -> None:
         if not 0 <= period_s <= 10:
             raise ValueError(f"period_s = {period_s!r}; expected 0 to 10 s")
+        if watchdog_s is not None and not (period_s < watchdog_s < math.inf and watchdog_s > 0):
+            raise ValueError(
+                f"watchdog_s = {watchdog_s!r} with period_s = {period_s!r}; expected more than a control period, or the watchdog "
+                "stops the robot in every one; None switches it off"
+            )
         self.period_s, self.watchdog_s, self.debug = period_s, watchdog_s, debug
         self.missed_deadlines, self.worst_latency_s, self.watchdog_stops = 0, 0.0, 0
         self._enabled: list[str] = []
@@ -123,7 +129,7 @@ class Robot(Words):
             if self._connected:
                 try:
                     if "drive" in self.capabilities:
-                        self._drive(0, 0)
+                        self._halt()
                 except RobotError as error:
                     warnings.warn(f"stop could not be sent on closing: {error}; the robot may still be moving", stacklevel=2)
                 finally:
@@ -178,12 +184,14 @@ class Robot(Words):
             self._last_step = now
         else:
             due = self._last_step + self.period_s
-            if self.period_s and now > due + 1e-4:
+            overrun = now > due + 1e-4
+            if now < due:
+                time.sleep(due - now)
+                now = time.monotonic()
+            if self.period_s and (overrun or now > due + OVERSLEPT_S):
                 self.missed_deadlines += 1
                 self.worst_latency_s = max(self.worst_latency_s, now - due)
                 due = now
-            elif now < due:
-                time.sleep(due - now)
             self._pass_time()
             self._last_step = due if self.period_s else time.monotonic()
         self._heard = time.monotonic()
@@ -241,8 +249,14 @@ class Robot(Words):
             self._speed, self._last_step, self._counted, self._read = (0, 0), None, None, {}
 
     def send_and_receive(self, message: str) -> str:
-        """Send a raw command and return the reply, where the protocol has such."""
+        """Send a raw command and return the reply, where the protocol has such.
+
+        Raises:
+            ValueError: a command that drives: the watchdog would not know of it.
+        """
         self._require("raw")
+        if message.lstrip()[:1].upper() == "D":
+            raise ValueError(f"message = {message!r}; use set_motors_speed, which the watchdog knows of")
         with self._lock:
             answer: str = self._protected(lambda: self._raw(message))
             return answer
@@ -322,7 +336,7 @@ class Robot(Words):
             self._speed = (0, 0)
             try:
                 if "drive" in self.capabilities:
-                    self._drive(0, 0)
+                    self._halt()
                 error.add_note("stop has been sent")
             except RobotError as second:
                 sent = "was not confirmed" if isinstance(second, (LinkTimeout, BadReply)) else "could not be sent"
@@ -333,6 +347,13 @@ class Robot(Words):
             self._lost()
             error.add_note(MAY_MOVE)
             raise
+
+    def _halt(self) -> None:
+        """Send stop, once more where the reply says that it was not understood."""
+        try:
+            self._drive(0, 0)
+        except BadReply:
+            self._drive(0, 0)
 
     def _lost(self) -> None:
         self._connected, self._speed = False, (0, 0)
@@ -358,7 +379,7 @@ class Robot(Words):
             self.watchdog_stops += 1
             self._speed = (0, 0)
             try:
-                self._drive(0, 0)
+                self._halt()
             except RobotError:
                 self._lost()
 

@@ -12,7 +12,7 @@ Contract: see ``robot.api``. No request waits longer than the link's time-out, b
 import time
 from collections.abc import Sequence
 
-from workbench.robot.api import WATCHDOG_S, Robot
+from workbench.robot.api import MAY_MOVE, WATCHDOG_S, Robot
 from workbench.robot.faults import BadReply, LinkTimeout, RobotError
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.links import SerialLink
@@ -42,6 +42,8 @@ class SerComRobot(Robot):
         period_s, watchdog_s: see Robot.
     """
 
+    most_counts = 2**15 - 1
+
     def __init__(
         self,
         address: str,
@@ -69,12 +71,18 @@ class SerComRobot(Robot):
     def _open(self) -> None:
         self._link = SerialLink(self.address, self.baud, timeout_s=self.timeout_s)
         try:
-            self._link.write(b"\x00" + ascii_request("D", 0, 0))
-            try:
-                self._ask("E", counts=(2,))
-            except (LinkTimeout, BadReply):  # a line that was noise while the port opened
-                self._link.write(b"\r" + ascii_request("D", 0, 0))
-                self._ask("E", counts=(2,))
+            for start in (b"\x00", b"\r", b"\r"):  # again after a line that was noise while the port opened, or lost a byte
+                self._link.write(start + ascii_request("D", 0, 0))
+                try:
+                    told = self._ask("E", counts=(2,))
+                except (LinkTimeout, BadReply) as error:
+                    fault: RobotError = error
+                    continue
+                if told == (0, 0):
+                    break
+                fault = BadReply(f"speeds (0, 0) were sent, {told} came back: {MAY_MOVE}")
+            else:
+                raise fault
         except RobotError:
             self._close()
             raise
@@ -148,9 +156,13 @@ class SerComRobot(Robot):
         found: dict[str, tuple[float, ...]] = {}
         chained = [sensor for sensor in sensors if sensor in READS] if self.binary else []
         if chained:
-            link = self._say(binary_request(*((READS[sensor][0],) for sensor in chained)))
+            # the echo of E behind the readings tells replies that have slipped, such as the late half of an earlier one
+            link = self._say(binary_request(*((READS[sensor][0],) for sensor in chained), ("E",)))
             sizes = [2 * self._count(sensor, binary=True)[0] for sensor in chained]
-            data = link.read(sum(sizes))
+            data = link.read(sum(sizes) + 4)
+            told = binary_numbers(data[-4:], "h")
+            if told != self._speed:
+                raise BadReply(f"speeds {self._speed} are set, {told} came back behind the readings")
             for sensor, size in zip(chained, sizes, strict=True):
                 found[sensor] = self._accept(sensor, binary_numbers(data[:size], READS[sensor][2]))
                 data = data[size:]

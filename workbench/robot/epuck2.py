@@ -65,7 +65,7 @@ class EPuck2Robot(Robot):
     """
 
     capabilities = frozenset(PLACES) | {"motor_speed", "drive", "calibrate", "led"}
-    most_steps = MAX_STEPS_EPUCK2
+    most_steps, most_counts = MAX_STEPS_EPUCK2, 2**15 - 1
 
     def __init__(
         self,

@@ -59,7 +59,7 @@ def extremes(readings: Iterable[Sequence[float]]) -> tuple[NDArray[np.float64], 
     if seen.ndim != 2 or seen.shape[1] != 3:
         raise ValueError(f"readings have shape {seen.shape}; expected (n, 3): left, centre, right")
     white, black = seen.max(axis=0), seen.min(axis=0)
-    if np.any(white - black < CONTRAST):
+    if not np.all(white - black >= CONTRAST):
         raise ValueError(
             f"readings range from {black.tolist()} to {white.tolist()}; expected at least {CONTRAST:g} counts of contrast under "
             "every sensor: turn the robot on the spot over the line while it reads"

@@ -114,12 +114,12 @@ def uncertainty(
     slope_d = (mean_pairs(d + h_d, b, known) - mean_pairs(d - h_d, b, known)) / (2 * h_d)
     slope_b = (mean_pairs(d, b + h_b, known) - mean_pairs(d, b - h_b, known)) / (2 * h_b)
     readings = mean_pairs(d, b, known)
-    spread = config.noise / math.sqrt(config.samples)
-    sd = np.vectorize(noise_sd)(readings) * spread
+    sd = np.vectorize(noise_sd)(readings)
     jacobian = np.stack([slope_d, slope_b], axis=-1) / sd[..., None]  # (2, D, B, 2)
     information = np.einsum("sabi,sabj->abij", jacobian, jacobian)
     determinant = np.linalg.det(information)
     safe = np.maximum(determinant, 1e-30)
     bound = np.stack([information[..., 1, 1] / safe, information[..., 0, 0] / safe])
-    result: NDArray[np.float64] = np.where(determinant > 1e-9, np.sqrt(bound), np.inf)
+    spread = config.noise / math.sqrt(config.samples)
+    result: NDArray[np.float64] = np.where(determinant > 1e-11, spread * np.sqrt(bound), np.inf)
     return result

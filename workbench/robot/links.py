@@ -125,7 +125,7 @@ class TcpLink(Link):
             self._socket = socket.create_connection((host, port), timeout=max(timeout_s, 0.8))
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._socket.settimeout(timeout_s)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             raise LinkLost(f"nothing answers at {host}:{port}: {error}") from error
 
     def write(self, data: bytes) -> None:

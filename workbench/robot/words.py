@@ -9,6 +9,8 @@ from abc import ABC, abstractmethod
 class Words(ABC):
     """Readings and devices by name."""
 
+    most_counts = 2**53  # what a step counter can be set to; 16 bits over a wire
+
     @abstractmethod
     def reading(self, sensor: str) -> tuple[float, ...]:
         """Return what a sensor read at the last step."""
@@ -62,7 +64,10 @@ class Words(ABC):
         self.set_motors_speed(0, 0)
 
     def set_motor_position(self, left: int, right: int) -> None:
-        """Set the wheels' step counters."""
+        """Set the wheels' step counters; over a wire they have 16 bits."""
+        for name, value in (("left", left), ("right", right)):
+            if isinstance(value, bool) or not isinstance(value, int) or abs(value) > self.most_counts:
+                raise ValueError(f"{name} = {value!r}; expected a whole number of motor steps, up to ±{self.most_counts}")
         self._device("motor_position", left, right)
 
     def set_led(self, led: int, value: int) -> None:

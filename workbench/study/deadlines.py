@@ -48,6 +48,8 @@ def measure_deadlines(
         factors: how many times slower than a desktop computer updates are; 0 adds nothing.
         out: folder of the table, default data/validation/.
     """
+    folder = out or paths.DATA / "validation"
+    folder.mkdir(parents=True, exist_ok=True)
     lines = []
     for table, (states, actions) in TABLES.items():
         base = replace(SETTINGS["infrared"], followers=1, state_tiles=states, action_levels=actions)
@@ -61,8 +63,6 @@ def measure_deadlines(
                     update_s = update_time_s(factor, config)
                     lines.append(label | {"update_ms": 1000 * update_s} | _drive(config, policy, update_s, seconds))
     frame = pd.DataFrame(lines)
-    folder = out or paths.DATA / "validation"
-    folder.mkdir(parents=True, exist_ok=True)
     write_bytes(folder / "deadlines.csv", frame.to_csv(index=False, float_format="%.4g", lineterminator="\n").encode())
     write_json(
         folder / "deadlines.json",

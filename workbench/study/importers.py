@@ -28,17 +28,21 @@ def tum_box_sweep(folder: Path) -> pd.DataFrame:
 def _numbers(path: Path, rows: int, columns: int) -> NDArray[np.float64]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist; WORKBENCH_RECORDINGS has to name the folder of the recordings")
-    lines = path.read_text().split("\n")
+    lines = path.read_text(errors="replace").split("\n")
     found = [line.split() for line in lines if line.strip()]
     if len(found) != rows:
         raise ValueError(f"{path} has {len(found)} rows; expected {rows}")
     for number, cells in enumerate(found, start=1):
         if len(cells) != columns:
             raise ValueError(f"{path}, row {number}: {len(cells)} columns; expected {columns}")
-    try:
-        return np.array(found, dtype=np.float64)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}; expected numbers") from None
+        for column, cell in enumerate(cells, start=1):
+            try:
+                good = np.isfinite(float(cell))
+            except ValueError:
+                good = False
+            if not good:
+                raise ValueError(f"{path}, row {number}, column {column}: {cell!r}; expected a number")
+    return np.array(found, dtype=np.float64)
 
 
 def wii42_backing_off(folder: Path) -> dict[str, pd.DataFrame]:
@@ -68,27 +72,45 @@ def ttu_drives(folder: Path) -> dict[str, pd.DataFrame]:
     """Return one table per run in a straight line: t_s and per robot position_m, as measured by step counters."""
     runs = {}
     for path in sorted((folder / "ttu_epuck2_leader_follower").rglob("epuck-exp-*.csv")):
-        frame = pd.read_csv(path)
+        frame = _table(path)
         time = next((column for column in ("timestamp_s", "timestamp") if column in frame), None)
         places = [column for column in frame if column.endswith(("_position_m", "_position"))]
         if time is None or not places:
             continue  # another kind of log
-        kept = frame[[time, *places]].astype(float)
+        kept = _as_numbers(path, frame[[time, *places]], missing=True)
+        if path.stem in runs:
+            raise ValueError(f"{path}: there is another file of this name; expected each once")
         runs[path.stem] = kept.set_axis(["t_s", *(f"{name.split('_position')[0]}_position_m" for name in places)], axis=1)
     if not runs:
         raise FileNotFoundError(f"{folder} holds no ttu_epuck2_leader_follower/epuck-exp-*.csv with times and positions")
     return runs
 
 
+def _table(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_csv(path, encoding_errors="replace")
+    except (ValueError, pd.errors.ParserError) as error:
+        raise ValueError(f"{path}: {error}; expected a table of comma-separated values") from None
+
+
 def _named(path: Path, columns: list[str]) -> pd.DataFrame:
-    frame = pd.read_csv(path)
+    frame = _table(path)
     frame = frame[[column for column in frame if not str(column).startswith("Unnamed")]]
     if list(frame.columns) != columns:
         raise ValueError(f"{path}: columns {list(frame.columns)}; expected {columns}")
-    for column in columns:
+    if not len(frame):
+        raise ValueError(f"{path} has no rows; expected at least one")
+    return _as_numbers(path, frame)
+
+
+def _as_numbers(path: Path, frame: pd.DataFrame, *, missing: bool = False) -> pd.DataFrame:
+    """Return a table of finite numbers; name the first cell that is none (empty ones may be allowed)."""
+    kept = frame.copy()
+    for column in frame:
         values = pd.to_numeric(frame[column], errors="coerce")
-        if values.isna().any():
-            row = int(np.flatnonzero(values.isna())[0])
+        wrong = ~np.isfinite(values.to_numpy(float)) & ~(missing & frame[column].isna().to_numpy())
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
             raise ValueError(f"{path}, row {row + 1}, column {column}: {frame[column].iloc[row]!r}; expected a number")
-        frame[column] = values
-    return frame
+        kept[column] = values.astype(float)
+    return kept

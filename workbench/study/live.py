@@ -3,6 +3,7 @@
 Contract: each function runs until its time is over or it is interrupted, and leaves the robot stopped and the recording closed.
 """
 
+import math
 import time
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -17,6 +18,8 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robots import open_robot
 from workbench.study.recordings import GROUPS, Recorder
 from workbench.study.runs import load_run
+from workbench.study.storage import refuse_existing
+from workbench.study.weights import Weights, describe, write_weights
 
 
 def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0, rate: float = 1.0, seconds: float = 0.0) -> str:
@@ -35,13 +38,23 @@ def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0,
     with Emulator(body, protocol, rate=rate, port=port) as emulator:
         print(f"an emulated {protocol} listens (stop it with Ctrl-C) at\n{emulator.url}", flush=True)
         until = time.monotonic() + seconds if seconds else float("inf")
-        while time.monotonic() < until:
-            time.sleep(0.1)
+        try:
+            while time.monotonic() < until:
+                time.sleep(0.1)
+        except KeyboardInterrupt:
+            pass  # that is how it is ended
         return emulator.url
 
 
 def drive_robot(
-    url: str, run: str | Path, *, seconds: float, learn: int = 0, record: str | Path | None = None, real: bool = False
+    url: str,
+    run: str | Path,
+    *,
+    seconds: float,
+    learn: int = 0,
+    record: str | Path | None = None,
+    real: bool = False,
+    out: str | Path | None = None,
 ) -> dict[str, Any]:
     """Let a learned follower drive the robot at a URL; return the report.
 
@@ -51,10 +64,16 @@ def drive_robot(
         seconds: of control.
         learn: updates over which it learns on, 0 to follow greedily.
         record: CSV to write a recording to; real: whether to call it one of a real robot.
+        out: folder for the weights as they are in the end, where it learns.
 
     Raises:
         ValueError: the run's followers see with something that the robot does not have, or were driven by a law.
     """
+    _check_seconds(seconds)
+    if out is not None:
+        if learn <= 0:
+            raise ValueError(f"out = {str(out)!r} with learn = {learn!r}; there is nothing to keep unless it learns")
+        refuse_existing(Path(out))
     stored = load_run(run)
     if not isinstance(stored.policy, Policy):
         raise ValueError(f"{run} was driven by a classical law and has no weights; give a run that learned")
@@ -73,6 +92,11 @@ def drive_robot(
             recorder = Recorder(record, robot, link=url, real=real, config=config, calibration=calibration)
             watch = stack.enter_context(recorder).watch
         report = drive(robot, follower, seconds=seconds, watch=watch)
+        if out is not None:
+            Path(out).mkdir(parents=True, exist_ok=True)
+            shape = (1, config.rows, config.actions)
+            about = describe(follower.policy, config, follower.updates)
+            write_weights(Path(out), Weights(follower.policy, follower.weights[1].reshape(shape), follower.updates, about))
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
 
 
@@ -114,17 +138,33 @@ def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
 def record_robot(
     url: str, out: str | Path, *, seconds: float, speeds: tuple[int, int] = (0, 0), real: bool = False
 ) -> dict[str, Any]:
-    """Record a robot that stands, or drives at constant speeds in steps/s; return rows and missed deadlines."""
+    """Record a robot that stands, or drives at constant speeds in steps/s; return rows and missed deadlines.
+
+    Raises:
+        ValueError: a recording instead of a robot, speeds beyond the motors' limit, no time.
+    """
+    _check_seconds(seconds)
     with open_robot(url) as robot:
+        if "drive" not in robot.capabilities:
+            raise ValueError(f"{url} cannot be driven and is a recording already; copy its .csv and .json instead")
+        for speed in speeds:
+            if abs(speed) > robot.most_steps:
+                raise ValueError(f"speeds = {speeds!r}; expected -{robot.most_steps} to {robot.most_steps} steps/s")
         _enable_recorded(robot)
         with Recorder(out, robot, link=url, real=real, note="robot driven at constant speeds") as recorder:
             period = robot.period_s or CONTROL_PERIOD  # of a robot without wall-clock time
-            for row in range(max(1, round(seconds / period))):
+            rows = max(1, round(seconds / period))
+            for _ in range(rows):
                 robot.step()
-                if "drive" in robot.capabilities and row == 0:
-                    robot.set_motors_speed(*speeds)
-                recorder.add(robot.time_s, robot, command=speeds)
-        return {"rows": row + 1, "missed_deadlines": robot.missed_deadlines, "worst_latency_s": robot.worst_latency_s}
+                robot.set_motors_speed(*speeds)
+                recorder.add(robot.time_s, robot, command=robot.commanded)
+        late = {"missed_deadlines": robot.missed_deadlines, "worst_latency_s": robot.worst_latency_s}
+        return {"rows": rows, **late, "watchdog_stops": robot.watchdog_stops}
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0 < seconds < math.inf:
+        raise ValueError(f"seconds = {seconds!r}; expected more than 0")
 
 
 def _enable_recorded(robot: Robot) -> None:

@@ -91,6 +91,8 @@ class Recorder:
         note: str = "",
     ) -> None:
         self.path = Path(path)
+        if real and link.startswith(("sim:", "log:")):
+            raise ValueError(f"real = {real!r} with link = {link!r}; that is no real robot: leave --real out")
         if self.path.suffix != ".csv":
             raise ValueError(f"path = {str(path)!r}; expected a name that ends in .csv")
         side = self.path.with_suffix(".json")
@@ -218,6 +220,8 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
         ValueError: the first thing that is wrong, by row (1 is the first after the header) and column.
     """
     place = Path(path)
+    if place.suffix != ".csv" or place.is_dir():
+        raise ValueError(f"{place} is no recording; expected a file that ends in .csv")
     if not place.is_file() and not place.with_suffix(".json").is_file():
         raise FileNotFoundError(f"{place} does not exist; expected the .csv of a recording")
     header = read_json(place.with_suffix(".json"))
@@ -226,9 +230,21 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
     lacking = [key for key in ("columns", "rate_hz", "complete", "config", "robot", "link", "real") if key not in header]
     if lacking:
         raise ValueError(f"{place.with_suffix('.json')} lacks {', '.join(lacking)}")
+    rate = header["rate_hz"]
+    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 1e6:
+        raise ValueError(f"{place.with_suffix('.json')}: rate_hz = {rate!r}; expected rows per second")
+    if header["complete"] and not place.is_file():
+        raise FileNotFoundError(f"{place} does not exist, though its sidecar says that it is complete; restore it")
+    if header["config"] is not None:
+        try:
+            fields.from_dict(ConvoyConfig, header["config"])
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{place.with_suffix('.json')}: config: {error}") from None
     content = place.read_bytes() if place.is_file() else b""  # killed before the first byte
     if header["complete"] and header.get("sha256") != hashlib.sha256(content).hexdigest():
-        raise ValueError(f"{place} is not what its sidecar's sha256 says: it was changed or cut after it was recorded")
+        raise ValueError(
+            f"{place} is not what its sidecar's sha256 says: it was changed (line ends, perhaps) or cut after it was recorded"
+        )
     whole, _, rest = content.rpartition(b"\n")
     if not whole and not header["complete"]:
         return Recording(pd.DataFrame(columns=header["columns"], dtype=float), header, bool(rest))

@@ -7,6 +7,8 @@ a follower would do with the readings is up to the caller: commands are refused,
 from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
+
 from workbench.robot.api import Robot
 from workbench.robot.faults import NotSupported, RobotError
 from workbench.study.recordings import GROUPS, load_recording
@@ -37,9 +39,9 @@ class ReplayedRobot(Robot):
         self._row = -1
 
     def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
-        self._row += 1
         frame = self.recording.frame
-        if self._row >= len(frame):
+        self._row = min(self._row + 1, len(frame))
+        if self._row == len(frame):
             raise RecordingEnded(f"the recording has {len(frame)} rows; connect again to start over")
         row = frame.iloc[self._row]
         if self.debug:
@@ -60,12 +62,18 @@ class ReplayedRobot(Robot):
         return f"recording of {self.recording.header['robot']}"
 
     @property
+    def _now(self) -> pd.Series:
+        if not 0 <= self._row < len(self.recording.frame):
+            raise RecordingEnded(f"there is no row now: the recording has {len(self.recording.frame)} rows; call step() first")
+        return self.recording.frame.iloc[self._row]
+
+    @property
     def time_s(self) -> float:
         """When this row was recorded."""
-        return float(self.recording.frame["t_s"].iloc[self._row])
+        return float(self._now["t_s"])
 
     @property
     def recorded_command(self) -> tuple[int, int]:
         """The command that was sent after the readings of this row, in steps/s."""
-        row = self.recording.frame.iloc[self._row]
+        row = self._now
         return int(row["left_command"]), int(row["right_command"])
