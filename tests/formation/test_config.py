@@ -8,8 +8,9 @@ import pytest
 
 from workbench import fields
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.learning.config import PRESETS, LearnerConfig
+from workbench.robot.infrared import InfraredConfig
 
 CONFIGS = (ConvoyConfig, TrackConfig, LearnerConfig)
 EVERY = [(cls, field) for cls in CONFIGS for field in dataclasses.fields(cls)]
@@ -141,3 +142,9 @@ def test_rules_whose_ratio_is_at_most_one_may_keep_long_traces():
     for rule in ("greedy-gq", "qrc"):
         with pytest.raises(ValueError, match="lets the trace grow without bound"):
             LearnerConfig(rule=rule, gamma=0.97, lam=1.0)
+
+
+def test_infrared_beyond_what_two_readings_are_inverted_for_is_refused():
+    beacon = InfraredConfig(target="beacon")
+    with pytest.raises(ValueError, match=r"distance_m = \(0.08, 0.5\) .* inverted up to 0.25 m"):
+        dataclasses.replace(SETTINGS["infrared"], infrared=beacon, distance_m=(0.08, 0.5))

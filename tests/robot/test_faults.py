@@ -55,9 +55,9 @@ def test_a_thousand_injected_faults_leave_a_stopped_robot_and_documented_errors_
 def _inject(protocol, binary):
     """Inject faults into one kind of link; return how many."""
     chance = np.random.default_rng(sum(protocol.encode()))
-    # late replies take half a second and closed terminals a new one: seldom
+    # late and split replies take half a second and closed terminals a new one: seldom
     kinds = [kind for kind in FAULTS if not (protocol != "epuck2" and kind in ("hang up", "half open"))]
-    weights = np.array([0.02 if kind == "late" else 1.0 for kind in kinds])
+    weights = np.array([0.02 if kind in ("late", "split") else 1.0 for kind in kinds])
     slowest, raised, stopped, injected = 0.0, 0, 0, 0
     with _emulator(protocol) as emulator:
         options = {} if protocol == "epuck2" else {"binary": binary}
@@ -93,7 +93,7 @@ def _inject(protocol, binary):
             if emulator._mute:
                 assert _speed(emulator) == (0, 0)  # the robot hears but cannot answer: it stands, too
             emulator.heal()
-            if "late" in chosen:
+            if "late" in chosen or "split" in chosen:
                 time.sleep(0.6)  # until the emulator listens again
         robot.disconnect()
     assert slowest < LONGEST

@@ -156,3 +156,12 @@ def test_impossible_sensors_are_refused(values, message):
 
 def test_more_samples_make_readings_quieter_by_the_root_of_their_number():
     assert replace(CONFIG, samples=4).noise_counts == pytest.approx(replace(CONFIG, samples=1).noise_counts / 2)
+
+
+def test_without_noise_two_readings_determine_a_place_exactly():
+    config = InfraredConfig(noise=0.0)
+    bound = uncertainty(np.array([0.09, 0.11]), np.radians([0.0, 10.0]), config)
+    assert np.all(bound == 0)
+    noisy = uncertainty(np.array([0.09, 0.11]), np.radians([0.0, 10.0]), InfraredConfig(noise=2.0))
+    once = uncertainty(np.array([0.09, 0.11]), np.radians([0.0, 10.0]), InfraredConfig())
+    np.testing.assert_allclose(noisy, 2 * once)

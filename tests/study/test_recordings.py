@@ -17,8 +17,11 @@ from workbench import paths
 from workbench.formation.config import SETTINGS
 from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.simulated import SimulatedRobot
+from workbench.robots import open_robot
 from workbench.study import importers
+from workbench.study.live import record_robot
 from workbench.study.recordings import POSES, Recorder, load_recording
+from workbench.study.replay import RecordingEnded
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 
@@ -215,3 +218,52 @@ def test_importers_read_the_public_tables_and_name_what_is_wrong(tmp_path):
 def test_a_missing_recording_folder_is_told(tmp_path):
     with pytest.raises(FileNotFoundError, match="WORKBENCH_RECORDINGS has to name"):
         importers.tum_box_sweep(tmp_path)
+
+
+def test_simulations_are_never_recorded_as_real_and_recordings_are_not_recorded_again(tmp_path):
+    with pytest.raises(ValueError, match="that is no real robot: leave --real out"):
+        record_robot("sim:", tmp_path / "a.csv", seconds=0.5, real=True)
+    record_robot("sim:", tmp_path / "b.csv", seconds=0.5, speeds=(200, 300))
+    stored = load_recording(tmp_path / "b.csv")
+    assert (
+        set(stored.frame["left_command"]) == {200} and set(stored.frame["right_command"]) == {300} and not stored.header["real"]
+    )
+    with pytest.raises(ValueError, match="is a recording already; copy its .csv and .json"):
+        record_robot(f"log:{tmp_path / 'b.csv'}", tmp_path / "c.csv", seconds=0.5)
+    wrong = ({"speeds": (5000, 0)}, {"seconds": float("nan")}, {"seconds": -5.0})
+    for changes in wrong:
+        with pytest.raises(ValueError, match=next(iter(changes)) + " = "):
+            record_robot("sim:", tmp_path / "d.csv", **({"seconds": 0.5} | changes))
+    assert not list(tmp_path.glob("[acd].*"))
+
+
+def test_sidecars_that_say_nonsense_are_named(tmp_path):
+    record_robot("sim:", tmp_path / "a.csv", seconds=0.5)
+    side = tmp_path / "a.json"
+    whole = side.read_text()
+    for change, match in (
+        ({"rate_hz": None}, "rate_hz = None; expected rows per second"), ({"rate_hz": "x"}, "rate_hz = 'x'"),
+        ({"config": {"followers": 0}}, "a.json: config:"), ({"config": 7}, "a.json: config:"),
+    ):  # fmt: skip
+        side.write_text(json.dumps(json.loads(whole) | change))
+        with pytest.raises(ValueError, match=match):
+            load_recording(tmp_path / "a.csv")
+    side.write_text(whole)
+    with pytest.raises(ValueError, match="is no recording; expected a file that ends in .csv"):
+        load_recording(side)
+    (tmp_path / "a.csv").unlink()
+    with pytest.raises(FileNotFoundError, match="its sidecar says that it is complete"):
+        load_recording(tmp_path / "a.csv")
+
+
+def test_a_replayed_robot_has_no_time_before_its_first_row_and_after_its_last(tmp_path):
+    record_robot("sim:", tmp_path / "a.csv", seconds=0.3)
+    robot = open_robot(f"log:{tmp_path / 'a.csv'}")
+    robot.connect()
+    with pytest.raises(RecordingEnded, match="call step"):
+        _ = robot.recorded_command
+    for _ in range(3):
+        robot.step()
+    assert robot.time_s == pytest.approx(0.2) and robot.recorded_command == (0, 0)
+    with pytest.raises(RecordingEnded):
+        robot.step()
