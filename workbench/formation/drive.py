@@ -66,6 +66,7 @@ class SoloFollower:
         record: () of type FOLLOWER, step: () of type STEP: what it saw and did at the last decision.
         weights: (2, rows * actions) main and secondary weights.
         updates: learning updates done.
+        epsilon: how often it explores where it does not learn.
     """
 
     def __init__(self, config: ConvoyConfig, policy: Policy | None = None, *, steps: int = 0) -> None:
@@ -85,7 +86,7 @@ class SoloFollower:
         empty = new_trace(pairs)
         self._ids, self._values = np.stack([empty[0], empty[2], empty[0]]), np.stack([empty[1], empty[1]])
         self._chance = children(config.seed)["policy"]
-        self.probability = 1.0
+        self.probability, self.epsilon = 1.0, 0.0
         arrays = (self._task, self._record, self._step, self.weights, self._ids, self._values)
         _decide.compile(tuple(numba.typeof(value) for value in (*arrays, 0.0, 0.0, 0.0, 0.0, True)))  # not while a robot waits
         _learn.compile(tuple(numba.typeof(value) for value in (self._task, self._record, self.weights, self._ids, self._values)))
@@ -133,7 +134,7 @@ class SoloFollower:
         elif not (np.isfinite(distance) and np.isfinite(bearing)):
             raise ValueError(f"distance = {distance!r}, bearing = {bearing!r}; expected finite numbers")
         learner, task = self.config.learner, self._task[0]
-        epsilon = 0.0
+        epsilon = self.epsilon
         if self.steps:
             epsilon = epsilon_at(
                 int(task["schedule"]), learner.epsilon, learner.epsilon_final, float(task["epsilon_horizon"]), float(self.updates)

@@ -184,7 +184,7 @@ def _expect(task: Any, follower: Any, theta: Any, bar: Any, bar_value: Any) -> i
 
 
 @compiled
-def _sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
+def sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
     """Find the cell of every tiling, as the place of its first weight; return the state, -1 outside the bounds."""
     state = -1
     first, second = e_d, o_err
@@ -202,6 +202,15 @@ def _sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
             state = cell
         follower.now[k] = (task.first_row[k] + cell) * task.actions
     return state
+
+
+@compiled
+def reward_at(task: Any, follower: Any, e_d: float, o_err: float) -> float:
+    """Return the reward of a step that ends inside the bounds, at errors in m and rad or at the readings in the record."""
+    if task.raw:
+        far, aside = raw_errors(task, follower)
+        return step_reward(task.preset, far, aside)
+    return step_reward(task.preset, e_d / task.half_range, o_err / task.limit)
 
 
 @compiled
@@ -271,16 +280,10 @@ def _choose(
             step.phase = follower.phase
             return left, right, finite
         step.event |= RECOVERED
-    state = _sense_cells(task, follower, e_d, bearing)
+    state = sense_cells(task, follower, e_d, bearing)
     lost = state < 0
     if follower.state >= 0:
-        reward = task.terminal_reward
-        if not lost:
-            if task.raw:
-                far, aside = raw_errors(task, follower)
-                reward = step_reward(task.preset, far, aside)
-            else:
-                reward = step_reward(task.preset, e_d / task.half_range, bearing / task.limit)
+        reward = task.terminal_reward if lost else reward_at(task, follower, e_d, bearing)
         _finish(task, follower, step, reward, state, room)
         if not task.buffer:
             finite = learn(task, follower, weights, trace_ids, trace_values)

@@ -13,22 +13,12 @@ from typing import Any
 from workbench import fields
 from workbench.arena.camera_config import CameraConfig
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.body import BodyConfig
 from workbench.formation.config import INFRARED, SETTINGS, TILINGS, ConvoyConfig
 from workbench.learning.config import PRESETS, RULES, LearnerConfig
 from workbench.robot.infrared import InfraredConfig
 from workbench.study.camera_trials import measure_camera
 from workbench.study.infrared_trials import measure_infrared
 from workbench.study.motion_trials import measure_motion, measure_rival, measure_stability
-from workbench.study.transfer_trials import (
-    OTHER_BODY,
-    TRAININGS,
-    Transfer,
-    measure_copies,
-    measure_gap,
-    measure_transfer,
-    measure_warm,
-)
 from workbench.study.trials import CONTROLLERS, Trial, measure, measure_sections, measure_widely
 
 Labels = dict[str, Any]
@@ -47,7 +37,7 @@ class Study:
     name: str
     question: str
     cases: Callable[[], Sequence[Case]]
-    function: Callable[[Any], Mapping[str, float]] = measure
+    function: Callable[[Trial], Mapping[str, float]] = measure
     steps: int = 200_000
     minutes: float = 20.0
     seeds: int = 10
@@ -252,49 +242,6 @@ def _seen(config: ConvoyConfig, **changes: float | str | bool) -> ConvoyConfig:
     return replace(config, infrared=fields.from_dict(InfraredConfig, fields.to_dict(config.infrared) | changes))
 
 
-def _copies() -> Sequence[Case]:
-    cases: list[Case] = [
-        ({"setting": name}, replace(SETTINGS[name], drive="wheels")) for name in ("paper", "recommended", "paper-robot")
-    ]
-    infrared = replace(SETTINGS["infrared"], drive="wheels", state_tiles=(5, 5), action_levels=(3, 3))
-    cases += [({"setting": f"{route}, 5×5/3×3"}, replace(infrared, sensing=route)) for route in INFRARED]
-    return cases
-
-
-def _warm() -> Sequence[Case]:
-    tasks = {
-        "other robot": replace(BASE, body=OTHER_BODY), "leader 20 % slower": replace(BASE, leader_speed_mps=0.048),
-        "leader 20 % faster": replace(BASE, leader_speed_mps=0.072), "leader at half speed": replace(BASE, leader_speed_mps=0.03),
-        "anticlockwise": replace(BASE, track=TrackConfig(direction="anticlockwise")),
-        "figure eight": replace(BASE, track=TrackConfig(shape="eight")),
-        "commands 0.2 s late": replace(BASE, body=BodyConfig(delay=2)),
-    }  # fmt: skip
-    return [({"task": name}, config) for name, config in tasks.items()]
-
-
-def _transfer() -> Sequence[Case]:
-    infrared = replace(SETTINGS["infrared"], drive="planar", followers=1)
-    bases = {"camera": (replace(BASE, sensing="camera"), 200_000)}
-    bases |= {route: (replace(infrared, sensing=route), 100_000) for route in INFRARED}
-    cases: list[Case] = []
-    for route, (base, steps) in bases.items():
-        for training in TRAININGS:
-            small = replace(base, state_tiles=(5, 5), action_levels=(3, 3))  # as the paper had to on its robots
-            there = steps if training == "there" else steps // 10
-            config = small if training == "there" else base
-            trial = Transfer(config=config, steps=steps, there_steps=there, minutes=30.0, training=training)
-            cases.append(({"route": route, "training": training}, trial))
-    return cases
-
-
-def _gap() -> Sequence[Case]:
-    noisy = replace(BASE, noise_distance_m=0.001, noise_bearing_rad=math.radians(1))
-    infrared = replace(SETTINGS["infrared"], drive="planar", followers=1)
-    return [({"route": "absolute, 1 mm and 1°"}, noisy)] + [
-        ({"route": route}, replace(infrared, sensing=route)) for route in INFRARED
-    ]
-
-
 STUDIES = {
     study.name: study
     for study in (
@@ -328,15 +275,5 @@ STUDIES = {
             100_000,
             4.0,
         ),
-        Study("copies", "Do the first follower's weights serve all others (E7)?", _copies, measure_copies, 400_000),
-        Study(
-            "warm",
-            "When do weights of another robot or task help, and when do they harm (E7)?",
-            _warm,
-            measure_warm,
-            minutes=10.0,
-        ),
-        Study("transfer", "Do weights from the simulation drive an emulated reality (E8, E9, E11)?", _transfer, measure_transfer),
-        Study("gap", "How much more noise than they learned with do policies bear (E9)?", _gap, measure_gap, minutes=10.0),
     )
 }
