@@ -19,9 +19,11 @@ from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.simulated import SimulatedRobot
 from workbench.robots import open_robot
 from workbench.study import importers
-from workbench.study.live import record_robot
+from workbench.study.live import drive_robot, record_robot
 from workbench.study.recordings import POSES, Recorder, load_recording
 from workbench.study.replay import RecordingEnded
+from workbench.study.runs import learn
+from workbench.study.weights import load_weights
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 
@@ -267,3 +269,19 @@ def test_a_replayed_robot_has_no_time_before_its_first_row_and_after_its_last(tm
     assert robot.time_s == pytest.approx(0.2) and robot.recorded_command == (0, 0)
     with pytest.raises(RecordingEnded):
         robot.step()
+
+
+def test_a_follower_that_learns_on_while_it_drives_keeps_its_weights(tmp_path):
+    config = replace(SETTINGS["infrared"], followers=1, drive="planar", state_tiles=(5, 5), action_levels=(3, 3))
+    learn(config, steps=2000, progress=False, out=tmp_path / "run")
+    report = drive_robot("sim:", tmp_path / "run", seconds=20, learn=1000, out=tmp_path / "more")
+    kept = load_weights(tmp_path / "more")
+    assert kept.updates == report["updates"] > 50
+    assert kept.policy.sha256() != load_weights(tmp_path / "run").policy.sha256()
+    kept.policy.check(config)
+    with pytest.raises(ValueError, match="nothing to keep unless it learns"):
+        drive_robot("sim:", tmp_path / "run", seconds=1, out=tmp_path / "other")
+    with pytest.raises(FileExistsError):
+        drive_robot("sim:", tmp_path / "run", seconds=1, learn=10, out=tmp_path / "more")
+    with pytest.raises(ValueError, match="steps = -5"):
+        drive_robot("sim:", tmp_path / "run", seconds=1, learn=-5)

@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from workbench.formation.config import ConvoyConfig
 from workbench.robot.infrared import (
@@ -181,26 +180,6 @@ def one_robot(config: ConvoyConfig) -> pd.DataFrame:
         lines[f"{name}, calibrated"] = np.maximum(raw - bias, 0.0).mean(axis=0)
     lines["gain"] = gains
     return pd.DataFrame(lines, index=[f"ps{k}" for k in range(SENSORS)]).T
-
-
-def face_to_face(steps: NDArray[np.void], *, within_m: float = 0.15, aside_rad: float = np.pi / 4) -> pd.DataFrame:
-    """Return for every pair of followers the share of periods in which each has the other close before its nose.
-
-    Args:
-        steps: (periods, robots) of type STEP.
-        within_m, aside_rad: what close and before the nose mean.
-    """
-    x, y, heading = (steps[name].astype(float) for name in ("x", "y", "heading"))
-    lines = []
-    for a in range(1, steps.shape[1]):
-        for b in range(a + 1, steps.shape[1]):
-            towards = np.arctan2(y[:, b] - y[:, a], x[:, b] - x[:, a])
-            close = np.hypot(x[:, b] - x[:, a], y[:, b] - y[:, a]) < within_m
-            off = [np.abs(np.angle(np.exp(1j * (towards + turn - heading[:, k])))) for k, turn in ((a, 0.0), (b, np.pi))]
-            lines.append(
-                {"followers": f"{a} and {b}", "share": float(np.mean(close & (off[0] < aside_rad) & (off[1] < aside_rad)))}
-            )
-    return pd.DataFrame(lines)
 
 
 def shift_by_gains(config: ConvoyConfig, robots: int) -> dict[str, float]:
