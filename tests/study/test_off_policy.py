@@ -9,8 +9,10 @@ import workbench as wb
 from workbench import paths
 from workbench.formation.drive import SoloFollower
 from workbench.formation.simulated import SimulatedRobot
+from workbench.study import off_policy_trials
 from workbench.study.off_policy import BLOCK, Log, evaluate_log, learn_from_log, log_of, make_log, perceive, ratios
 from workbench.study.recordings import load_recording
+from workbench.study.trials import Trial
 
 RAW = replace(wb.SETTINGS["infrared"], sensing="ir-raw", followers=1, drive="planar", state_tiles=(5, 5), action_levels=(3, 3))
 LEARNING = paths.DATA / "recordings" / "emulated_epuck1_learning.csv"
@@ -123,3 +125,12 @@ def test_logs_that_cannot_be_used_are_refused():
         perceive(wb.ConvoyConfig(), np.zeros((3, 8)))
     with pytest.raises(ValueError, match=r"readings have shape \(3, 7\)"):
         perceive(RAW, np.zeros((3, 7)))
+
+
+def test_a_trial_holds_the_estimate_against_what_the_policy_does(monkeypatch):
+    monkeypatch.setattr(off_policy_trials, "PERIODS", 1500)
+    monkeypatch.setattr(off_policy_trials, "STRETCHES", 60)
+    found = off_policy_trials.measure_off_policy(Trial(config=RAW, steps=30_000))
+    assert found["low"] < found["value"] < found["high"] < 0 and 0 < found["half_width_share"] < 1
+    assert found["truth"] == pytest.approx(found["value"], abs=0.1) and found["mean_ratio"] == pytest.approx(1, abs=0.05)
+    assert found["contains_truth"] == (found["low"] <= found["truth"] <= found["high"])

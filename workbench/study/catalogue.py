@@ -19,6 +19,7 @@ from workbench.robot.infrared import InfraredConfig
 from workbench.study.camera_trials import measure_camera
 from workbench.study.infrared_trials import measure_infrared
 from workbench.study.motion_trials import measure_motion, measure_rival, measure_stability
+from workbench.study.off_policy_trials import measure_off_policy
 from workbench.study.trials import CONTROLLERS, Trial, measure, measure_sections, measure_widely
 
 Labels = dict[str, Any]
@@ -242,6 +243,11 @@ def _seen(config: ConvoyConfig, **changes: float | str | bool) -> ConvoyConfig:
     return replace(config, infrared=fields.from_dict(InfraredConfig, fields.to_dict(config.infrared) | changes))
 
 
+def _off_policy() -> Sequence[Case]:
+    small = replace(SETTINGS["infrared"], drive="planar", followers=1, state_tiles=(5, 5), action_levels=(3, 3))
+    return [({"route": route}, replace(small, sensing=route)) for route in INFRARED]
+
+
 STUDIES = {
     study.name: study
     for study in (
@@ -274,6 +280,9 @@ STUDIES = {
             measure_infrared,
             100_000,
             4.0,
+        ),
+        Study(
+            "off-policy", "Is a policy's value known from a log that it did not make?", _off_policy, measure_off_policy, 100_000
         ),
     )
 }

@@ -30,6 +30,8 @@ _TRIAL_SOURCES = (
     "study/smoothness.py",
     "study/infrared_trials.py",
     "study/camera_trials.py",
+    "study/off_policy_trials.py",
+    "study/off_policy.py",
     "study/transfer_trials.py",
     "study/worlds.py",
 )
