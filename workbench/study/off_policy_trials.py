@@ -2,7 +2,8 @@
 
 The follower explores with a fixed ε around a learned policy and writes a log. The truth is found by doing it: the same robot
 drives on exploring, then suddenly greedily, again and again; the mean discounted return of the greedy stretches is the policy's
-value from the states that the log visits. Returns are summed over 60 steps; of a horizon of 500 the rest weighs less than 10⁻⁵ at γ = 0.8.
+value from the states that the log visits. Returns are summed over 60 steps; of a horizon of 500 the rest weighs less than 10⁻⁵ at
+γ = 0.8.
 
 >>> from workbench.formation.config import SETTINGS
 >>> config = replace(SETTINGS["infrared"], sensing="ir-raw", followers=1, drive="planar")
