@@ -24,7 +24,7 @@ def _policy(config, seed=0):
 
 def _compiled(path):
     library = path.with_suffix(".so")
-    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter", "-O2", "-shared", "-fPIC"]
+    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-shared", "-fPIC"]
     subprocess.run([GCC, *flags, "-o", library, path], check=True, capture_output=True)
     call = ctypes.CDLL(str(library)).gq_policy
     call.restype = None
@@ -42,6 +42,7 @@ def _compiled(path):
     "changes",
     [
         {}, {"state_tiles": (5, 5), "action_levels": (3, 3)}, {"state_tiles": (5, 5), "tilings": 4}, {"state_tiles": (1, 3)},
+        {"state_tiles": (1, 1)},
         {"distance_tiling": "uniform", "bearing_tiling": "uniform", "action_levels": (17, 17)},
     ],
 )  # fmt: skip
@@ -90,7 +91,7 @@ def test_c_drives_as_the_compiled_follower_does(tmp_path):
 
 
 def test_the_file_uses_whole_numbers_and_calls_nothing(tmp_path):
-    sizes = export_c(_policy(RAW), tmp_path / "policy.c", source="a */ sneaky\nsource")
+    sizes = export_c(_policy(RAW), tmp_path / "policy.c", source="a */ sneaky /* source\nof words")
     text = (tmp_path / "policy.c").read_text()
     assert not {"float", "double", "malloc", "printf"} & set(text.replace("(", " ").split())
     assert text.count("#include") == 1 and "#include <stdint.h>" in text and sizes["table_bytes"] < 1000

@@ -135,7 +135,7 @@ def test_evaluation_is_greedy_frozen_and_checked(tmp_path):
     assert pair[1].summary == judged.summary
     with pytest.raises(ValueError, match=r"the policy has distance_edges = .*, the configuration"):
         evaluate(run.policy, replace(PLANAR, state_tiles=(5, 9)), progress=False)
-    with pytest.raises(ValueError, match="left_steps of the policy"):
+    with pytest.raises(ValueError, match="the policy has left_steps = "):
         evaluate(run.policy, replace(PLANAR, wheel_speed_mps=(0.02, 0.09)), progress=False)
     with pytest.raises(ValueError, match="the policy has 4 tables, the convoy 2 followers"):
         evaluate(run.policy, replace(PLANAR, followers=2), progress=False)

@@ -78,7 +78,8 @@ def _formation_step(
     flags = 0
     for i in range(1, robots.size):
         robot, step = robots[i], steps[i]
-        silent = task.body and formation.periods > 0 and chance[task.body_at + 2 * robots.size + i] < task.silence
+        silent = task.body and robot.heard and chance[task.body_at + 2 * robots.size + i] < task.silence
+        robot.heard, robot.silent = 1, silent
         distance, bearing = robot.seen_distance, robot.seen_bearing  # what it goes by where no new reading arrives
         if task.infrared:
             place = task.infrared_at + SENSORS * (i - 1)

@@ -338,7 +338,7 @@ class Convoy:
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
             self.robots[b, 0]["memory"], self.robots[b, 0]["timer"] = self._first_memory, 0
             self.robots[b]["pc"] = self.robots[b]["ps"] = 0.0  # what was measured of the last period is void
-            self.robots[b]["tracked"] = self.robots[b]["queue"] = 0
+            self.robots[b]["tracked"] = self.robots[b]["queue"] = self.robots[b]["heard"] = 0
             for robot, ids in zip(self.robots[b, 1:], self._trace_ids[b], strict=True):
                 begin_episode(robot, ids)
                 robot["phase"], robot["timer"] = FOLLOW, 0

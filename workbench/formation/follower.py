@@ -95,6 +95,7 @@ FOLLOWER = np.dtype(
         ("sx", "f8"), ("sy", "f8"), ("sc", "f8"), ("ss", "f8"), ("missed", "i8"), ("tracked", "i8"),
         # body: wheel radius and axle relative to the nominal ones; commands on their way, steps/s, the newest first
         ("wheel", "f8"), ("axle", "f8"), ("queue", "i8", (LONGEST_DELAY, 2)),
+        ("heard", "i8"), ("silent", "i8"),  # whether a reading has arrived since the start; whether none arrives now
     ],
     align=True,
 )  # fmt: skip

@@ -56,6 +56,8 @@ class Policy:
             object.__setattr__(self, part.name, array)
         if str(self.sensing) not in SENSING:
             raise ValueError(f"sensing = {str(self.sensing)!r}; expected one of {', '.join(map(repr, SENSING))}")
+        if not np.all(np.isfinite(self.theta)):
+            raise ValueError("theta holds weights that are not finite; nothing can follow them")
         rows = sum(grid.n for grid in self.grids())
         expected = (rows, self.left_steps.size * self.right_steps.size)
         if self.theta.ndim != 3 or self.theta.shape[1:] != expected:

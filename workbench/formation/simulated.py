@@ -79,6 +79,12 @@ class SimulatedRobot(Robot):
     ) -> None:
         super().__init__(period_s=CONTROL_PERIOD if realtime else 0.0, watchdog_s=None, debug=debug)
         self.config = config if config is not None else ConvoyConfig(followers=1)
+        if self.config.reset == "restart":
+            raise ValueError(
+                "ConvoyConfig.reset = 'restart'; a robot that is driven from outside cannot be put back: expected 'manoeuvre'"
+            )
+        if others is not None:
+            others.check(self.config)
         if not 0 <= robot <= self.config.followers:
             raise ValueError(f"robot = {robot!r}; this convoy has robots 0 (the leader) to {self.config.followers}")
         self.robot, self._others = robot, others
@@ -123,10 +129,10 @@ class SimulatedRobot(Robot):
         self.record: NDArray[np.void] = convoy.period(self._time)[0]
         self._started = True
         robots = convoy.robots[0]
-        if self.config.sensing not in INFRARED or me == 0 or self._rays is not None:
-            _sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
         record = robots[me]
-        if self._rays is not None:
+        if (self.config.sensing not in INFRARED or me == 0 or self._rays is not None) and not record["silent"]:
+            _sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
+        if self._rays is not None and not record["silent"]:
             self._cast(record)
         found: dict[str, tuple[float, ...]] = {"observe": (float(record["seen_distance"]), float(record["seen_bearing"]))}
         if "proximity" in sensors:

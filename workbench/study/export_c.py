@@ -62,6 +62,8 @@ def export_c(policy: Policy, path: str | Path, *, table: int = 0, source: str = 
     place = Path(path)
     if place.suffix != ".c":
         raise ValueError(f"path = {str(path)!r}; expected a name that ends in .c")
+    if not place.parent.is_dir():
+        raise FileNotFoundError(f"{place.parent} does not exist; make the folder first")
     if policy.units != ("counts", "counts"):
         raise ValueError(
             f"the policy has sensing = {str(policy.sensing)!r}, tiles in {' and '.join(policy.units)}; expected counts: a "
@@ -79,8 +81,9 @@ def export_c(policy: Policy, path: str | Path, *, table: int = 0, source: str = 
     speeds = [(int(a), int(b)) for a in policy.left_steps for b in policy.right_steps]
     kind = "uint8_t" if len(speeds) <= 256 else "uint16_t"
     tables, searches = zip(*(_axis(name, edges) for name, edges in (("left", left), ("right", right))), strict=True)
+    told = source.replace("*/", "* /").replace("/*", "/ *").replace("\n", " ")  # a comment within a comment is none
     text = _C.format(
-        source=source.replace("*/", "* /").replace("\n", " ") or "a learned policy", kind=kind, count=len(speeds),
+        source=told or "a learned policy", kind=kind, count=len(speeds),
         rows=len(left) + 1, columns=len(right) + 1, actions=",\n    ".join(f"{{{_list(row)}}}" for row in actions),
         speeds=", ".join(f"{{{a}, {b}}}" for a, b in speeds), tables="".join(tables), searches="".join(searches),
     )  # fmt: skip
@@ -127,6 +130,8 @@ void gq_policy(uint16_t left, uint16_t right, int16_t *left_speed, int16_t *righ
 void gq_policy(uint16_t left, uint16_t right, int16_t *left_speed, int16_t *right_speed)
 {{
     uint16_t left_cell = 0, right_cell = 0, action;
+    (void)left;
+    (void)right;
 {searches}    action = action_of[left_cell][right_cell];
     *left_speed = speed_of[action][0];
     *right_speed = speed_of[action][1];

@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from workbench import fields
 from workbench.formation.config import INFRARED, SETTINGS, ConvoyConfig
 from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.policy import Policy
@@ -17,9 +18,8 @@ from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robots import open_robot
 from workbench.study.recordings import GROUPS, Recorder
-from workbench.study.runs import load_run
 from workbench.study.storage import refuse_existing
-from workbench.study.weights import Weights, describe, write_weights
+from workbench.study.weights import Weights, describe, load_policy, load_weights, write_weights
 
 
 def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0, rate: float = 1.0, seconds: float = 0.0) -> str:
@@ -60,7 +60,7 @@ def drive_robot(
 
     Args:
         url: see ``open_robot``.
-        run: folder of a run; its first table drives.
+        run: folder of a run, or of weights that a drive kept; its first table drives.
         seconds: of control.
         learn: updates over which it learns on, 0 to follow greedily.
         record: CSV to write a recording to; real: whether to call it one of a real robot.
@@ -74,11 +74,9 @@ def drive_robot(
         if learn <= 0:
             raise ValueError(f"out = {str(out)!r} with learn = {learn!r}; there is nothing to keep unless it learns")
         refuse_existing(Path(out))
-    stored = load_run(run)
-    if not isinstance(stored.policy, Policy):
-        raise ValueError(f"{run} was driven by a classical law and has no weights; give a run that learned")
-    config = replace(stored.config, followers=1)
-    policy = replace(stored.policy, theta=stored.policy.theta[:1])
+    policy = load_policy(run)
+    config = replace(fields.from_dict(ConvoyConfig, load_weights(run).about["config"]), followers=1)
+    policy = replace(policy, theta=policy.theta[:1])
     options = {"config": config} if url.startswith("sim:") else {}
     with ExitStack() as stack:
         robot = open_robot(url, **options)
@@ -91,12 +89,14 @@ def drive_robot(
             _enable_recorded(robot)
             recorder = Recorder(record, robot, link=url, real=real, config=config, calibration=calibration)
             watch = stack.enter_context(recorder).watch
-        report = drive(robot, follower, seconds=seconds, watch=watch)
-        if out is not None:
-            Path(out).mkdir(parents=True, exist_ok=True)
-            shape = (1, config.rows, config.actions)
-            about = describe(follower.policy, config, follower.updates)
-            write_weights(Path(out), Weights(follower.policy, follower.weights[1].reshape(shape), follower.updates, about))
+        try:
+            report = drive(robot, follower, seconds=seconds, watch=watch)
+        finally:  # what it has learned is kept, however the drive ended
+            if out is not None:
+                Path(out).mkdir(parents=True, exist_ok=True)
+                shape = (1, config.rows, config.actions)
+                about = describe(follower.policy, config, follower.updates)
+                write_weights(Path(out), Weights(follower.policy, follower.weights[1].reshape(shape), follower.updates, about))
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
 
 

@@ -31,7 +31,6 @@ from workbench.robot.infrared import DARK, SENSORS
 from workbench.study.recordings import Recording
 
 BLOCK = 300  # steps of the log that are resampled together: 30 s
-HORIZON = 500  # steps over which a return is summed up
 RESAMPLES = 2000
 
 Floats = NDArray[np.float64]
@@ -88,6 +87,8 @@ def perceive(config: ConvoyConfig, readings: Floats, light: Floats | None = None
         raise ValueError(f"readings have shape {seen.shape}; expected (n, {SENSORS}) finite counts")
     states, rewards = np.zeros(len(seen), np.int64), np.zeros(len(seen))
     ambient = np.full_like(seen, DARK) if light is None else np.ascontiguousarray(light, dtype=np.float64)
+    if ambient.shape != seen.shape or not np.all(np.isfinite(ambient)):
+        raise ValueError(f"light has shape {ambient.shape}; expected {seen.shape}, finite counts")
     _perceive(fill_task(config, 0), np.zeros(1, FOLLOWER), seen, ambient, states, rewards)
     return states, rewards
 
@@ -153,12 +154,14 @@ def evaluate_log(
     """
     if int(policy.tilings) != 1:
         raise ValueError(f"the policy has {int(policy.tilings)} tilings; expected one: a log stores one state")
+    if not (0 <= gamma < 1 and 0 < level < 1 and 0 <= table < policy.theta.shape[0]):
+        raise ValueError(
+            f"gamma = {gamma!r}, level = {level!r}, table = {table!r}; expected a discount below 1, a level between 0 and 1 and "
+            f"one of {policy.theta.shape[0]} tables"
+        )
+    _check(log, policy.theta.shape[1], policy.theta.shape[2])
     if len(log.state) < 2 * BLOCK:
         raise ValueError(f"the log has {len(log.state)} steps; expected at least {2 * BLOCK}, two blocks to resample")
-    if not np.all((log.probability > 0) & (log.probability <= 1)):
-        raise ValueError(
-            "the log has probabilities outside (0, 1]; importance sampling needs those of the actions that were taken"
-        )
     values, greedy = policy.theta[table], policy.greedy()[table]
     rho = ratios(log, policy, table=table)
     q, v = values[log.state, log.action], values[np.arange(len(values)), greedy]
@@ -180,7 +183,7 @@ def evaluate_log(
 def _backwards(log: Log, rho: Floats, gamma: float, q: Floats, v: Floats) -> Floats:
     """Return the doubly robust estimate from every step on; where the log breaks off, V of the next state stands for the rest.
 
-    HORIZON is not cut: γ^500 is below any number's precision for the discounts in use.
+    Returns are not cut: of γ = 0.8 nothing is left after 500 steps.
     """
     estimate = np.zeros(len(rho))
     following = 0.0
@@ -193,10 +196,27 @@ def _backwards(log: Log, rho: Floats, gamma: float, q: Floats, v: Floats) -> Flo
 
 
 def _products(log: Log, rho: Floats, length: int) -> Floats:
-    """Return the products of ρ over stretches of some steps, from every step whose stretch lies within the log."""
-    logs = np.concatenate([[0.0], np.cumsum(np.log(np.maximum(rho, 1e-300)))])
-    product: Floats = np.exp(logs[length:] - logs[:-length])
+    """Return from every step on the product of ρ over a number of steps, or up to where the episode or the log ends before."""
+    product, alive = rho.copy(), ~log.ends
+    for k in range(1, length):
+        product[:-k] *= np.where(alive[:-k], rho[k:], 1.0)
+        alive[:-k] &= ~log.ends[k:]
+        alive[-k:] = False
     return product
+
+
+def _check(log: Log, rows: int, actions: int) -> None:
+    """Raise ValueError unless a log's states and actions are those of a table, with probabilities and rewards that are some."""
+    if len(log.state) and not (0 <= log.state.min() and max(log.state.max(), log.next_state.max()) < rows):
+        raise ValueError(f"the log has states {log.state.min()} to {log.state.max()}; expected those of a table of {rows} rows")
+    if len(log.action) and not 0 <= log.action.min() <= log.action.max() < actions:
+        raise ValueError(f"the log has actions {log.action.min()} to {log.action.max()}; expected 0 to {actions - 1}")
+    if not np.all((log.probability > 0) & (log.probability <= 1)):
+        raise ValueError(
+            "the log has probabilities outside (0, 1]; importance sampling needs those of the actions that were taken"
+        )
+    if not np.all(np.isfinite(log.reward)):
+        raise ValueError("the log has rewards that are not finite")
 
 
 def learn_from_log(log: Log, config: ConvoyConfig, *, passes: int = 1) -> Policy:
@@ -208,6 +228,12 @@ def learn_from_log(log: Log, config: ConvoyConfig, *, passes: int = 1) -> Policy
         passes: how often it goes through the log.
     """
     learner = config.learner
+    if config.tilings != 1 or learner.rule != "greedy-gq" or passes < 1:
+        raise ValueError(
+            f"tilings = {config.tilings!r}, learner.rule = {learner.rule!r}, passes = {passes!r}; expected 1, 'greedy-gq' and at "
+            "least 1"
+        )
+    _check(log, config.rows, config.actions)
     gq = GreedyGQ(
         config.rows, config.actions, alpha=learner.alpha, beta=learner.beta, gamma=learner.gamma, lam=learner.lam,
         cutoff=learner.trace_cutoff, theta0=learner.theta0,

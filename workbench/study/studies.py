@@ -32,8 +32,6 @@ _TRIAL_SOURCES = (
     "study/camera_trials.py",
     "study/off_policy_trials.py",
     "study/off_policy.py",
-    "study/transfer_trials.py",
-    "study/worlds.py",
 )
 DENSE_UPDATE_S = 24e-6  # one update of 81 × 49 weights, textbook NumPy on a desktop computer; measured, see the notebooks
 

@@ -1,9 +1,9 @@
 """The weights file: action values together with what they mean and where they come from, so that they can travel.
 
 ``weights.npz`` of a run holds the arrays of its policy (``workbench.formation.policy``), the secondary weights, and as JSON
-under ``about``: tiles with edges and units, action levels in steps/s, sensing, reward, learner, and provenance (a hash of the
-configuration, seed, updates, version). The JSON repeats the arrays' meaning in words that other programs can read; the
-loader holds the two against each other, and the arrays against their hash.
+under ``about``: tiles with edges and units, action levels in steps/s, sensing, reward, learner, the whole configuration, and
+provenance (hashes, seed, updates, version). The JSON repeats the arrays' meaning in words that other programs can read; the
+loader holds the two against each other, and the arrays against their hashes.
 
 >>> config = ConvoyConfig()
 >>> about = describe(Policy.of(config, np.zeros((1, 81, 49))), config, 0)
@@ -64,7 +64,8 @@ def describe(policy: Controller, config: ConvoyConfig, updates: int) -> dict[str
         about |= _meaning(policy)
     about["reward"] = {"preset": config.reward, "terminal_factor": config.terminal_factor}
     about["learner"] = fields.to_dict(config.learner)
-    told = json.dumps(fields.to_dict(config), sort_keys=True)
+    about["config"] = fields.to_dict(config)
+    told = json.dumps(about["config"], sort_keys=True)
     about["provenance"] = {
         "config_sha256": hashlib.sha256(told.encode()).hexdigest(), "seed": config.seed, "updates": updates,
         "workbench": version("workbench"), "policy_sha256": policy.sha256(),
@@ -75,7 +76,8 @@ def describe(policy: Controller, config: ConvoyConfig, updates: int) -> dict[str
 
 def write_weights(folder: Path, weights: Weights) -> None:
     """Write weights.npz into a folder, whole or not at all."""
-    extra = {"w": weights.w, "updates": np.array(weights.updates), "about": np.array(json.dumps(weights.about, sort_keys=True))}
+    about = weights.about | {"w_sha256": _digest(weights.w)}
+    extra = {"w": weights.w, "updates": np.array(weights.updates), "about": np.array(json.dumps(about, sort_keys=True))}
     write_npz(folder / FILE, weights.policy.arrays() | extra)
 
 
@@ -96,7 +98,12 @@ def load_weights(path: str | Path) -> Weights:
         about = json.loads(str(arrays["about"]))
         if not isinstance(about, dict) or about.get("format") != FORMAT:
             raise ValueError(f"its description is not of format {FORMAT}")
+        lacking = sorted({"kind", "reward", "learner", "config", "provenance"} - set(about))
+        if lacking:
+            raise ValueError(f"its description lacks {', '.join(lacking)}")
         policy = controller_from_arrays(arrays)
+        if arrays["updates"].dtype.kind not in "iu":
+            raise ValueError(f"updates are of type {arrays['updates'].dtype}; expected a whole number")
         updates, w = int(arrays["updates"]), arrays["w"]
         _compare(about, policy, w, updates)
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, OverflowError) as error:
@@ -122,6 +129,10 @@ def load_policy(path: str | Path, config: ConvoyConfig | None = None) -> Policy:
     return policy
 
 
+def _digest(w: NDArray[np.float64]) -> str:
+    return hashlib.sha256(f"{w.dtype}{w.shape}".encode() + np.ascontiguousarray(w).tobytes()).hexdigest()
+
+
 def _meaning(policy: Policy) -> dict[str, Any]:
     tiles = {
         name: {"unit": unit, "edges": edges.tolist()}
@@ -142,9 +153,13 @@ def _compare(about: dict[str, Any], policy: Controller, w: NDArray[np.float64], 
         for name, mine in _meaning(policy).items():
             if about.get(name) != plain(mine):
                 raise ValueError(f"its description says {name} = {about.get(name)!r}, its arrays {mine!r}")
-        if w.dtype != np.float64 or w.shape[1:] != policy.theta.shape[1:]:
+        if w.dtype != np.float64 or w.shape != policy.theta.shape:
             raise ValueError(f"secondary weights have shape {w.shape} and type {w.dtype}, the main ones {policy.theta.shape}")
-    provenance = about.get("provenance", {})
+    if about["kind"] != ("policy" if isinstance(policy, Policy) else policy.name):
+        raise ValueError(f"its description says kind = {about['kind']!r}, its arrays hold something else")
+    if about.get("w_sha256") != _digest(w):
+        raise ValueError("secondary weights are not those of its description's hash")
+    provenance = about["provenance"]
     if provenance.get("policy_sha256") != policy.sha256():
         raise ValueError(f"its arrays have the hash {policy.sha256()}, its description says {provenance.get('policy_sha256')}")
     if provenance.get("updates") != updates:
