@@ -241,7 +241,8 @@ class Emulator:
             except TimeoutError:
                 continue
             self.heal()
-            self._firmware.forget()
+            assert isinstance(self._firmware, EPuck2Firmware)
+            self._firmware.forget()  # half a packet of the client before
             client.settimeout(0.05)
             with client:
                 self._serve_client(client)

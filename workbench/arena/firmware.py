@@ -48,9 +48,6 @@ class Firmware(Protocol):
     def live(self) -> None:
         """Let the body move on for a control period."""
 
-    def forget(self) -> None:
-        """Drop half a command, when a new client connects."""
-
 
 class _Body:
     """A robot as its firmware sees it."""
@@ -107,12 +104,6 @@ class SerComFirmware:
     def live(self) -> None:
         """Let the body move on for a control period."""
         self._body.live()
-
-    def forget(self) -> None:
-        """Drop half a command."""
-        self._line.clear()
-        self._chain.clear()
-        self._binary = False
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes and return the replies, in order."""

@@ -18,13 +18,12 @@ from typing import Any
 
 import pandas as pd
 
-from workbench import fields, paths
+from workbench import paths
 from workbench.arena.emulator import Emulator
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.policy import Policy
 from workbench.formation.simulated import SimulatedRobot
-from workbench.learning.config import LearnerConfig
 from workbench.robots import open_robot
 from workbench.study.runs import learn
 from workbench.study.storage import write_bytes, write_json
@@ -58,7 +57,7 @@ def measure_deadlines(
         for factor in factors if states == (9, 9) else [f for f in SMALL_TABLE_FACTORS if f in factors]:
             for buffer in (True, False):
                 for seed in range(1, seeds + 1):
-                    config = replace(base, learner=_buffered(base.learner, buffer), seed=seed)
+                    config = replace(base, learner=replace(base.learner, buffer=buffer), seed=seed)
                     label = {"table": table, "factor": factor, "buffer": "on" if buffer else "off", "seed": seed}
                     update_s = update_time_s(factor, config)
                     lines.append(label | {"update_ms": 1000 * update_s} | _drive(config, policy, update_s, seconds))
@@ -74,10 +73,6 @@ def measure_deadlines(
     )  # fmt: skip
     medians = frame.groupby(["table", "factor", "buffer"], sort=False)[["periods_met", "commands_met", "latency_ms"]].median()
     return {"medians": medians.reset_index().to_dict("records"), "written": ["deadlines.csv", "deadlines.json"]}
-
-
-def _buffered(learner: LearnerConfig, buffer: bool) -> LearnerConfig:
-    return fields.from_dict(LearnerConfig, fields.to_dict(learner) | {"buffer": buffer})
 
 
 def _drive(config: ConvoyConfig, policy: Policy, update_s: float, seconds: float) -> dict[str, float]:

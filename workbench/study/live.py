@@ -19,7 +19,7 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robots import open_robot
 from workbench.study.recordings import GROUPS, Recorder
 from workbench.study.storage import refuse_existing
-from workbench.study.weights import Weights, describe, load_policy, load_weights, write_weights
+from workbench.study.weights import Weights, describe, load_weights, write_weights
 
 
 def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0, rate: float = 1.0, seconds: float = 0.0) -> str:
@@ -74,9 +74,10 @@ def drive_robot(
         if learn <= 0:
             raise ValueError(f"out = {str(out)!r} with learn = {learn!r}; there is nothing to keep unless it learns")
         refuse_existing(Path(out))
-    policy = load_policy(run)
-    config = replace(fields.from_dict(ConvoyConfig, load_weights(run).about["config"]), followers=1)
-    policy = replace(policy, theta=policy.theta[:1])
+    weights = load_weights(run)
+    learned = weights.learned(run)
+    policy = replace(learned, theta=learned.theta[:1])
+    config = replace(fields.from_dict(ConvoyConfig, weights.about["config"]), followers=1)
     options = {"config": config} if url.startswith("sim:") else {}
     with ExitStack() as stack:
         robot = open_robot(url, **options)

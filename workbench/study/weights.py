@@ -50,6 +50,12 @@ class Weights:
     updates: int
     about: dict[str, Any]
 
+    def learned(self, path: str | Path) -> Policy:
+        """Return the policy; raise ValueError, naming the path, if a law drove."""
+        if not isinstance(self.policy, Policy):
+            raise ValueError(f"{path} was driven by the law {self.policy.name!r} and has no weights; give a run that learned")
+        return self.policy
+
 
 def describe(policy: Controller, config: ConvoyConfig, updates: int) -> dict[str, Any]:
     """Return what is to be known about weights, as plain JSON values.
@@ -121,9 +127,7 @@ def load_policy(path: str | Path, config: ConvoyConfig | None = None) -> Policy:
     Raises:
         FileNotFoundError, ValueError: see ``load_weights``; a law drove; tiles, actions or sensing are not the configuration's.
     """
-    policy = load_weights(path).policy
-    if not isinstance(policy, Policy):
-        raise ValueError(f"{path} was driven by the law {policy.name!r} and has no weights; give a run that learned")
+    policy = load_weights(path).learned(path)
     if config is not None:
         policy.check(config)
     return policy
