@@ -137,3 +137,34 @@ def test_two_kinds_of_delay_are_not_mixed():
         replace(slow, body=BodyConfig(delay=1))
     with pytest.raises(ValueError, match="BodyConfig.delay = 4; expected"):
         BodyConfig(delay=4)
+
+
+def test_a_fleet_is_the_same_robots_whatever_the_seed_and_zero_those_of_the_run():
+    infrared = replace(wb.SETTINGS["infrared"], drive="planar", followers=2, body=BodyConfig(wheel_spread=0.02, axle_spread=0.03))
+    camera = replace(wb.ConvoyConfig(drive="planar", followers=1, sensing="camera"))
+
+    def who(config, seed):
+        robots = wb.Convoy(config, [seed], periods=1, threads=1).robots[0]
+        return [robots[name].copy() for name in ("gain", "offset", "bias", "wheel", "axle")]
+
+    def lens(config, seed):
+        return wb.Convoy(config, [seed], periods=1, threads=1)._lens.copy()
+
+    for one, other in zip(who(replace(infrared, fleet=7), 1), who(replace(infrared, fleet=7), 2), strict=True):
+        assert_array_equal(one, other)
+    for one, other in zip(who(replace(infrared, fleet=7), 1), who(infrared, 7), strict=True):
+        assert_array_equal(one, other)
+    for one, other in zip(who(infrared, 1), who(infrared, 2), strict=True):
+        assert not np.array_equal(one, other)
+    assert_array_equal(lens(replace(camera, fleet=7), 1), lens(replace(camera, fleet=7), 2))
+    assert not np.array_equal(lens(camera, 1), lens(camera, 2))
+
+
+def test_a_robot_behind_the_api_belongs_to_the_fleet_too():
+    config = replace(wb.SETTINGS["infrared"], drive="planar", followers=1, fleet=7)
+    readings = []
+    for seed in (1, 2):
+        with SimulatedRobot(config.with_seed(seed)) as robot:
+            robot.calibrate_proximity_sensors()
+            readings.append(robot.convoy.robots[0, 1]["bias"].copy())
+    assert_array_equal(*readings)

@@ -1,7 +1,8 @@
 """Chance: which generator serves which purpose, all of one seed.
 
 One SeedSequence per formation has named children, so that what one of them draws never shifts another. What only one robot
-draws, such as its calibration, has a generator of its own.
+draws, such as its calibration, has a generator of its own. Who the robots are, FLEET, can have a seed apart from what happens
+to them: the same robots on another track, or other robots on the same one.
 
 >>> float(children(1)["policy"].random()) == float(children(1)["policy"].random())
 True
@@ -15,12 +16,15 @@ CHILDREN = (
     "track", "sensor", "policy", "noise", "infrared", "units", "camera", "hidden", "lens", "pictures", "covered",
     "bodies", "slip", "silence",
 )  # fmt: skip
+FLEET = ("units", "bodies", "lens")  # sensors, wheels and axles, and the camera that hangs over them
 
 
-def children(seed: int) -> dict[str, np.random.Generator]:
-    """Return the named generators of one seed; "policy" decides when a follower explores."""
-    spawned = np.random.SeedSequence(seed).spawn(len(CHILDREN))
-    return {name: np.random.default_rng(child) for name, child in zip(CHILDREN, spawned, strict=True)}
+def children(seed: int, fleet: int = 0) -> dict[str, np.random.Generator]:
+    """Return the named generators of one seed, those of FLEET of another unless it is 0; "policy" decides who explores when."""
+    own, other = (
+        dict(zip(CHILDREN, np.random.SeedSequence(number).spawn(len(CHILDREN)), strict=True)) for number in (seed, fleet or seed)
+    )
+    return {name: np.random.default_rng(other[name] if name in FLEET else own[name]) for name in CHILDREN}
 
 
 def own_chance(seed: int, robot: int, purpose: str = "readings") -> np.random.Generator:

@@ -100,6 +100,10 @@ class ConvoyConfig:
     )
     learner: LearnerConfig = part(LearnerConfig, "step sizes, discount, exploration", default=LearnerConfig())
     seed: int = integer(0, 2**63 - 1, "", "seed of everything random in the run", default=1)
+    fleet: int = integer(
+        0, 2**63 - 1, "", "seed of who the robots are: sensors, wheels, axles and the camera's lens; 0 takes that of the run",
+        default=0,
+    )  # fmt: skip
 
     def _check(self) -> None:
         for name in ("distance_m", "wheel_speed_mps"):

@@ -95,7 +95,7 @@ class Convoy:
             law.check(config)
         self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
-        self._rngs = [children(seed) for seed in seeds]
+        self._rngs = [children(seed, config.fleet) for seed in seeds]
         tracks = [track_of(config, rng["track"]) for rng in self._rngs]
         self.world = World(
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
@@ -316,7 +316,7 @@ class Convoy:
             for number, robot in enumerate(robots):
                 robot["gain"], robot["offset"] = draw_units(rng["units"], infrared)
                 if infrared.calibrated:
-                    robot["bias"] = calibrate(own_chance(seed, number, "bias"), infrared, robot["offset"])
+                    robot["bias"] = calibrate(own_chance(self.config.fleet or seed, number, "bias"), infrared, robot["offset"])
 
     def _running(self) -> NDArray[np.int64] | None:
         done = self._formations["done"]

@@ -169,7 +169,8 @@ class SimulatedRobot(Robot):
             self._steps[:] = values
         elif device == "calibrate":
             record = self.convoy.robots[0, self.robot]
-            record["bias"] = calibrate(own_chance(self.config.seed, self.robot, "bias"), self.config.infrared, record["offset"])
+            chance = own_chance(self.config.fleet or self.config.seed, self.robot, "bias")
+            record["bias"] = calibrate(chance, self.config.infrared, record["offset"])
         else:
             self.lights[device] = values
 
