@@ -71,7 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     validate.add_argument(
         "what",
-        help="drive (wheels against set-points), infrared (proximity and ground sensors), camera (pixels) or deadlines (clock)",
+        help="drive (wheels against set-points), infrared (proximity and ground sensors), tiles (of real readings), "
+        "camera (pixels) or deadlines (clock)",
     )
     validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
 
@@ -248,6 +249,10 @@ def _validate(flags: argparse.Namespace) -> dict[str, Any]:
         from workbench.study.infrared_validation import validate_infrared
 
         return validate_infrared(out=out)
+    if flags.what == "tiles":
+        from workbench.study.tiles_validation import validate_tiles
+
+        return validate_tiles(out=out)
     if flags.what == "camera":
         from workbench.study.camera_validation import validate_camera
 
@@ -256,7 +261,7 @@ def _validate(flags: argparse.Namespace) -> dict[str, Any]:
         from workbench.study.deadlines import measure_deadlines
 
         return measure_deadlines(out=out)
-    raise ValueError(f"validate {flags.what!r}; expected drive, infrared, camera or deadlines")
+    raise ValueError(f"validate {flags.what!r}; expected drive, infrared, tiles, camera or deadlines")
 
 
 def _robot(flags: argparse.Namespace) -> dict[str, Any]:

@@ -129,27 +129,32 @@ def _box(sweep: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     return pd.concat(parts), curve
 
 
-def _back(run: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Fit a run's start gap (with the gains of its front sensors) and every sensor's gain on even rows."""
+def fit_run(frame: pd.DataFrame) -> tuple[float, dict[int, float]]:
+    """Return the start gap in mm of a run that backs off, and the gains of its sensors, fitted on even rows.
+
+    The gap is that at which the front sensors, each with a gain of its own, fit best. Sensors with fewer than 5 readings are
+    left out.
+    """
     row = frame["row_mm"].to_numpy()
-    even_row = np.arange(len(row)) % 2 == 0
-    best: tuple[float, float] = (math.inf, 0.0)
-    for gap in GAPS:
-        error = sum(_one(frame, row, even_row, gap, k)[2] for k in (0, 7))
-        best = min(best, (error, float(gap)))
+    even = np.arange(len(row)) % 2 == 0
+    gap = min((sum(_one(frame, row, even, gap, k)[2] for k in (0, 7)), float(gap)) for gap in GAPS)[1]
+    seen = [k for k in BACKING if np.count_nonzero(_used(frame, k) & even) >= 5]
+    return gap, {k: _one(frame, row, even, gap, k)[0] for k in seen}
+
+
+def _back(run: str, frame: pd.DataFrame) -> pd.DataFrame:
+    row = frame["row_mm"].to_numpy()
+    even = np.arange(len(row)) % 2 == 0
+    gap, gains = fit_run(frame)
     parts = []
-    for k in BACKING:
+    for k in gains:
         used = _used(frame, k)
-        if np.count_nonzero(used & even_row) < 5:
-            continue
-        gain, logs, _ = _one(frame, row, even_row, best[1], k)
-        place = best[1] + row[used]
-        real = frame[PS[k]].to_numpy()[used]
-        parts.append(
-            pd.DataFrame(
-                {"run": run, "sensor": k, "place": place, "log_error": logs, "even": even_row[used], "real": real}
-            ).assign(gain=gain, gap_mm=best[1])
-        )
+        gain, logs, _ = _one(frame, row, even, gap, k)
+        columns = {
+            "run": run, "sensor": k, "place": gap + row[used], "log_error": logs, "even": even[used],
+            "real": frame[PS[k]].to_numpy()[used],
+        }  # fmt: skip
+        parts.append(pd.DataFrame(columns).assign(gain=gain, gap_mm=gap))
     return pd.concat(parts)
 
 
