@@ -1,0 +1,86 @@
+"""Emulated realities, and weights that travel into them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.formation.body import BodyConfig
+from workbench.study.transfer_trials import (
+    NOISE_FACTORS,
+    TRAININGS,
+    Transfer,
+    measure_copies,
+    measure_delays,
+    measure_gap,
+    measure_transfer,
+    measure_warm,
+    with_noise,
+)
+from workbench.study.trials import Trial
+from workbench.study.worlds import FAMILIES, emulated_world
+
+BASE = wb.ConvoyConfig(drive="planar", followers=2, seed=1)
+INFRARED = replace(wb.SETTINGS["infrared"], drive="planar", followers=1)
+
+
+@pytest.mark.parametrize("sensing", ["camera", "ir-metric", "ir-raw"])
+def test_a_world_changes_robots_link_and_senses_and_leaves_the_task(sensing):
+    config = replace(INFRARED if sensing.startswith("ir") else BASE, sensing=sensing)
+    worlds = [emulated_world(config, number, family=family) for family in FAMILIES for number in range(20)]
+    assert len({world.fleet for world in worlds}) == 40 and {world.body.delay for world in worlds} == {0, 1, 2, 3}
+    theta = np.zeros((1, config.rows, config.actions))
+    for world in worlds:
+        assert replace(world, body=config.body, infrared=config.infrared, camera=config.camera, fleet=0) == config
+        wb.Policy.of(config, theta).check(world)  # weights fit
+    assert emulated_world(config, 3, family="tuning", delay=1).body.delay == 1
+
+
+def test_unknown_families_and_numbers_are_refused():
+    with pytest.raises(ValueError, match="family = 'real'; expected one of 'tuning', 'judging'"):
+        emulated_world(BASE, 1, family="real")
+    with pytest.raises(ValueError, match="number = -1"):
+        emulated_world(BASE, -1, family="tuning")
+
+
+@pytest.mark.parametrize("training", TRAININGS)
+def test_every_training_is_judged_in_its_world_and_in_the_nominal_one(training):
+    trial = Transfer(config=replace(BASE, sensing="camera"), steps=2000, there_steps=500, minutes=0.5, training=training)
+    numbers = measure_transfer(trial)
+    assert numbers["delay"] == emulated_world(BASE, 1, family="judging").body.delay
+    assert np.isnan(numbers["learning_losses"]) == (training == "randomised")
+    assert 0 <= numbers["judged_share_inside"] <= 1 and numbers["nominal_losses"] >= 0
+    assert measure_transfer(trial) == pytest.approx(numbers, nan_ok=True)
+
+
+def test_delays_are_judged_in_one_world():
+    numbers = measure_delays(Trial(config=replace(BASE, sensing="camera"), steps=20_000, minutes=0.5))
+    assert {name for name in numbers if name.endswith("losses")} == {"nominal_losses", *(f"delay_{k}_losses" for k in range(4))}
+    assert len({numbers[f"delay_{k}_rms_distance_mm"] for k in range(4)}) == 4
+
+
+def test_copies_are_judged_follower_by_follower_on_the_robots_that_learned():
+    different = replace(BASE, body=BodyConfig(wheel_spread=0.02, axle_spread=0.02))
+    numbers = measure_copies(Trial(config=different, steps=20_000, minutes=1.0))
+    for kind in ("own", "copied", "last", "shared"):
+        for follower in (1, 2):
+            assert 0 < numbers[f"{kind}_rms_distance_mm_{follower}"] < 70
+    assert numbers["own_rms_distance_mm_1"] == numbers["copied_rms_distance_mm_1"]  # the first keeps its own weights
+    assert numbers["own_rms_distance_mm_2"] != numbers["copied_rms_distance_mm_2"]
+    own, last = (wb.Policy.of(different, np.zeros((n, different.rows, different.actions))) for n in (2, 1))
+    assert own.check(different) is None and last.check(different) is None  # one table per follower, or one for all
+
+
+def test_a_warm_start_is_compared_with_a_cold_one_on_the_same_task():
+    numbers = measure_warm(Trial(config=replace(BASE, leader_speed_mps=0.05), steps=30_000, minutes=0.5))
+    assert numbers["warm_learning_losses"] < numbers["cold_learning_losses"]
+
+
+def test_noise_is_multiplied_where_it_comes_from():
+    assert with_noise(INFRARED, 3).infrared.noise == 3 and with_noise(INFRARED, 0).infrared.noise == 0
+    noisy = replace(BASE, noise_distance_m=0.001, noise_bearing_rad=0.01)
+    assert with_noise(noisy, 2).noise_distance_m == 0.002 and with_noise(noisy, 2).noise_bearing_rad == 0.02
+    for training in ("nominal", "randomised"):
+        numbers = measure_gap(Transfer(config=noisy, steps=5000, minutes=0.5, training=training))
+        assert all(0 <= numbers[f"share_inside_noise_{factor}"] <= 1 for factor in NOISE_FACTORS)

@@ -1,0 +1,56 @@
+"""Plots of weights that travel: how they follow world by world, and where real readings fall among tiles.
+
+Contract: plot functions take the tables of studies and of ``validate tiles``, draw on the axes given to them and return these.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+
+from workbench.study.style import CYCLE, note
+
+SHARES = Normalize(0.0, 1.0)  # colours of shares of time
+
+
+def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
+    """Draw one row per training and one column per judging world, the later its commands the farther right.
+
+    Colour is the share of time inside the bounds, the number is how many losses there were.
+
+    Args:
+        table: lines of the study "transfer", of one route and one table.
+    """
+    worlds = table.groupby("seed")["delay"].first().sort_values(kind="stable")
+    trainings = list(dict.fromkeys(table["training"]))
+    by = {name: table.pivot(index="training", columns="seed", values=f"judged_{name}") for name in ("share_inside", "losses")}
+    share, losses = (by[name].loc[trainings, worlds.index].to_numpy() for name in ("share_inside", "losses"))
+    ax.imshow(share, aspect="auto", norm=SHARES)
+    for (row, column), count in np.ndenumerate(losses):
+        ink = "black" if share[row, column] > 0.6 else "white"
+        ax.text(column, row, f"{count:.0f}", ha="center", va="center", fontsize=7.5, color=ink)
+    ax.set_yticks(range(len(trainings)), trainings)
+    ax.set_xticks(range(len(worlds)), [f"{delay / 10:.1f}" for delay in worlds])
+    ax.tick_params(length=0)
+    ax.set_xlabel("commands late by (s), one world per column")
+    note(ax, f"emulated · {table['route'].iloc[0]} · {table['table'].iloc[0]}")
+    return ax
+
+
+def agreement(table: pd.DataFrame, ax: Axes) -> Axes:
+    """Draw how far apart in tiles a real reading and the model's lie in the same situation, as shares of rows.
+
+    Args:
+        table: lines of data/validation/tiles.csv, one per bar.
+    """
+    same, near = table["share_same_tile"].to_numpy(), table["share_within_one_tile"].to_numpy()
+    places = np.arange(len(table))
+    parts = (("same tile", same, 0.0, ""), ("next tile", near - same, same, "//"), ("farther", 1 - near, near, ".."))
+    for number, (name, width, left, hatch) in enumerate(parts):
+        ax.barh(places, width, left=left, color=CYCLE[number], hatch=hatch, edgecolor="white", linewidth=0.5, label=name)
+    ax.set_yticks(places, [f"{line.route}, {line.table}, {line.readings}" for line in table.itertuples()])
+    ax.invert_yaxis()
+    ax.set_xlabel("share of rows, real reading against the model's")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=3)
+    note(ax, f"real e-puck2 · {int(table['both_inside'].min())} to {int(table['both_inside'].max())} rows each, gains fitted")
+    return ax
