@@ -7,6 +7,8 @@ import pytest
 
 import workbench as wb
 from workbench.formation.body import BodyConfig
+from workbench.formation.follower import LEARNED, LOSS, STEP
+from workbench.study import transfer_trials
 from workbench.study.transfer_trials import (
     NOISE_FACTORS,
     TRAININGS,
@@ -54,6 +56,36 @@ def test_every_training_is_judged_in_its_world_and_in_the_nominal_one(training):
     assert measure_transfer(trial) == pytest.approx(numbers, nan_ok=True)
 
 
+@pytest.mark.parametrize("measure", [measure_transfer, measure_gap])
+def test_nothing_that_was_learned_on_judges_and_the_nominal_robots_stay_the_same(monkeypatch, measure):
+    made = []
+
+    class Watched(wb.Convoy):
+        def __init__(self, config, seeds, **more):
+            made.append((config.fleet, seeds[0], "periods" in more))
+            super().__init__(config, seeds, **more)
+
+    monkeypatch.setattr(transfer_trials, "Convoy", Watched)
+    monkeypatch.setattr(transfer_trials, "STRETCHES", 12)
+    for seed in (1, 84):  # 12 · 84 would reach 1008
+        for training in ("nominal", "randomised"):
+            made.clear()
+            measure(Transfer(config=replace(BASE, sensing="truth", seed=seed), steps=240, minutes=0.5, training=training))
+            learned, judged = ({entry[:2] for entry in made if entry[2] == kind} for kind in (False, True))
+            assert learned and judged and not {chance for _, chance in learned} & {chance for _, chance in judged}
+            assert seed in {fleet for fleet, _ in judged} and (
+                training == "randomised" or {fleet for fleet, _ in learned} == {seed}
+            )
+
+
+def test_settling_begins_after_the_last_loss_before_a_long_quiet():
+    steps = np.zeros((6000, 2), STEP)
+    steps["event"][:, 1] = LEARNED
+    steps["event"][[100, 1500, 3400], 1] |= LOSS
+    assert transfer_trials._quiet_from(steps) == 3401
+    assert np.isnan(transfer_trials._quiet_from(steps[:5000]))
+
+
 def test_delays_are_judged_in_one_world():
     numbers = measure_delays(Trial(config=replace(BASE, sensing="camera"), steps=20_000, minutes=0.5))
     assert {name for name in numbers if name.endswith("losses")} == {"nominal_losses", *(f"delay_{k}_losses" for k in range(4))}
@@ -75,6 +107,7 @@ def test_copies_are_judged_follower_by_follower_on_the_robots_that_learned():
 def test_a_warm_start_is_compared_with_a_cold_one_on_the_same_task():
     numbers = measure_warm(Trial(config=replace(BASE, leader_speed_mps=0.05), steps=30_000, minutes=0.5))
     assert numbers["warm_learning_losses"] < numbers["cold_learning_losses"]
+    assert not numbers["warm_updates_to_quiet"] > numbers["cold_updates_to_quiet"]
 
 
 def test_noise_is_multiplied_where_it_comes_from():

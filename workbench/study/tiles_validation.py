@@ -4,7 +4,8 @@ The situation: an e-puck2 backs off from an object straight ahead, recorded in f
 rows with a gap of 6 to 56 mm, which are the bounds of the setting "infrared" between two paper cups; its readings go through the
 follower's own perception. The object is no cup but reads like a wall, so that the model's reading is that of a wall too: as the
 nominal sensor has it (gain 1), and with the gain that fits this sensor in this run on even rows. Counted are odd rows: as
-recorded (single samples, some 0 beside neighbours of hundreds), and as the median of five rows (2.4 mm of driving).
+recorded (single samples, some 0 beside neighbours of hundreds), and as the median of five odd rows (4.8 mm of driving). A run's
+first gap is fitted as well, so that distances are known from readings and from how far the robot drove.
 
 A follower has learned in the nominal simulation, ten seeds. A tile counts as reached if the seeds together were there in at least
 one of 10 000 steps; what the policy would do is compared seed by seed.
@@ -90,7 +91,7 @@ def validate_tiles(*, out: Path | None = None, seeds: int = SEEDS, steps: int = 
 def _situations(frame: pd.DataFrame, rows: int) -> dict[str, NDArray[np.float64]]:
     """Return readings (n, 8) of one run's odd rows inside GAP_MM: real ones, and the model's with nominal and fitted gains.
 
-    Real ones are medians of so many rows around each.
+    Real ones are medians of so many odd rows around each.
 
     All but the front sensors are set to nothing: a follower does not look at them.
     """
@@ -100,7 +101,8 @@ def _situations(frame: pd.DataFrame, rows: int) -> dict[str, NDArray[np.float64]
     found = {name: np.zeros((int(used.sum()), SENSORS)) for name in ("real", "nominal", "fitted")}
     for k in (LEFT, RIGHT):
         light = wall_light(place[used], np.full(used.sum(), abs(BEARINGS[k])))
-        found["real"][:, k] = frame[PS[k]].rolling(rows, center=True, min_periods=1).median().to_numpy()[used]
+        odd = frame[PS[k]].where(np.arange(len(frame)) % 2 == 1).dropna()
+        found["real"][:, k] = odd.rolling(rows, center=True, min_periods=1).median().reindex(frame.index)[used]
         found["nominal"][:, k] = np.vectorize(saturate)(light, CONTACT)
         found["fitted"][:, k] = np.vectorize(saturate)(gains[k] * light, CONTACT)
     return found
@@ -129,6 +131,7 @@ def _compare(
     return {
         "rows": len(real), "real_inside": int(inside.sum()), "model_inside": int((model >= 0).sum()),
         "both_inside": int(both.sum()),
+        "share_not_seen": float(((model >= 0) & ~inside).sum() / max((model >= 0).sum(), 1)),
         "share_reached": float(reached[real[inside]].mean()) if inside.any() else np.nan,
         "share_same_tile": float((away == 0).mean()) if both.any() else np.nan,
         "share_within_one_tile": float((away <= 1).mean()) if both.any() else np.nan,

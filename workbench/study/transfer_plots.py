@@ -6,11 +6,11 @@ Contract: plot functions take the tables of studies and of ``validate tiles``, d
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import PowerNorm
 
 from workbench.study.style import CYCLE, note
 
-SHARES = Normalize(0.0, 1.0)  # colours of shares of time
+SHARES = PowerNorm(4.0, 0.0, 1.0)  # colours of shares of time, most of them near 1
 
 
 def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
@@ -27,30 +27,34 @@ def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
     share, losses = (by[name].loc[trainings, worlds.index].to_numpy() for name in ("share_inside", "losses"))
     ax.imshow(share, aspect="auto", norm=SHARES)
     for (row, column), count in np.ndenumerate(losses):
-        ink = "black" if share[row, column] > 0.6 else "white"
+        ink = "black" if SHARES(share[row, column]) > 0.6 else "white"
         ax.text(column, row, f"{count:.0f}", ha="center", va="center", fontsize=7.5, color=ink)
     ax.set_yticks(range(len(trainings)), trainings)
-    ax.set_xticks(range(len(worlds)), [f"{delay / 10:.1f}" for delay in worlds])
+    ax.set_xticks(range(len(worlds)), [f"{seed}\n{delay / 10:.1f}" for seed, delay in worlds.items()])
     ax.tick_params(length=0)
-    ax.set_xlabel("commands late by (s), one world per column")
+    ax.set_xlabel("number of the world; its commands late by (s)")
     note(ax, f"emulated · {table['route'].iloc[0]} · {table['table'].iloc[0]}")
     return ax
 
 
 def agreement(table: pd.DataFrame, ax: Axes) -> Axes:
-    """Draw how far apart in tiles a real reading and the model's lie in the same situation, as shares of rows.
+    """Draw how far apart in tiles a real reading and the model's lie in the same situation, as shares of what the model sees.
 
     Args:
         table: lines of data/validation/tiles.csv, one per bar.
     """
-    same, near = table["share_same_tile"].to_numpy(), table["share_within_one_tile"].to_numpy()
+    both = table["both_inside"] / table["model_inside"]
+    same, near = both * table["share_same_tile"], both * table["share_within_one_tile"]
     places = np.arange(len(table))
-    parts = (("same tile", same, 0.0, ""), ("next tile", near - same, same, "//"), ("farther", 1 - near, near, ".."))
+    parts = (
+        ("same tile", same, 0.0 * same, ""), ("next tile", near - same, same, "//"), ("farther", both - near, near, ".."),
+        ("real one outside the bounds", 1 - both, both, "xx"),
+    )  # fmt: skip
     for number, (name, width, left, hatch) in enumerate(parts):
         ax.barh(places, width, left=left, color=CYCLE[number], hatch=hatch, edgecolor="white", linewidth=0.5, label=name)
     ax.set_yticks(places, [f"{line.route}, {line.table}, {line.readings}" for line in table.itertuples()])
     ax.invert_yaxis()
-    ax.set_xlabel("share of rows, real reading against the model's")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=3)
-    note(ax, f"real e-puck2 · {int(table['both_inside'].min())} to {int(table['both_inside'].max())} rows each, gains fitted")
+    ax.set_xlabel("share of rows that lie inside the bounds for the model (a simulated wall)")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.2), ncols=4, columnspacing=1.0)
+    note(ax, f"real e-puck2 · {int(table['model_inside'].min())} rows each · gains of the model fitted")
     return ax

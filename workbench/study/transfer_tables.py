@@ -4,16 +4,20 @@ Contract: functions take a study's table and return new ones; intervals are thos
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from workbench.formation.config import ConvoyConfig
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study import effects
+from workbench.study.catalogue import STUDIES
 from workbench.study.transfer_trials import DELAYS, NOISE_FACTORS
 from workbench.study.worlds import emulated_world
 
-KEPT = 0.99  # share of time inside the bounds from which on a policy is said to keep its leader: our choice
+MOSTLY = 0.99  # share of time inside the bounds that counts as mostly inside: our choice
+WHOSE = {"own": "its own", "copied": "the first's", "last": "the last's", "shared": "learned together"}  # weights
 ERRORS = {"rms_distance_mm": "distance", "rms_bearing_deg": "bearing"}
 
 
@@ -52,8 +56,26 @@ def copied_to_own(copies: pd.DataFrame, weights: str) -> pd.DataFrame:
     return lines
 
 
+def errors_in_line(copies: pd.DataFrame, setting: str) -> pd.DataFrame:
+    """Return the RMS distance error in mm by robots, weights and follower, of one setting of the study "copies"."""
+    part, lines = copies[copies["setting"] == setting], []
+    for kind, words in WHOSE.items():
+        for follower in range(1, 5):
+            line = effects.by_condition(part, ["robots"], f"{kind}_rms_distance_mm_{follower}")
+            lines.append(line.assign(weights=words, follower=follower))
+    return pd.concat(lines)
+
+
+def losses_by_weights(copies: pd.DataFrame) -> pd.DataFrame:
+    """Return greedy losses by setting and weights, summed over robots, seeds and followers."""
+    groups, lost = copies.groupby("setting", sort=False), {}
+    for kind, words in WHOSE.items():
+        lost[words] = groups[[f"{kind}_losses_{follower}" for follower in range(1, 5)]].sum().sum(axis=1).astype(int)
+    return pd.DataFrame(lost)
+
+
 def judged(transfer: pd.DataFrame) -> pd.DataFrame:
-    """Return the study "transfer" with three columns more: kept, degradation, commands.
+    """Return the study "transfer" with three columns more: mostly_inside, degradation, commands.
 
     ``degradation`` is the RMS distance error over that of nominal weights of the same route, table and seed in the nominal
     simulation; ``commands`` says whether commands come in time in that world.
@@ -62,7 +84,7 @@ def judged(transfer: pd.DataFrame) -> pd.DataFrame:
     nominal = transfer[transfer["training"] == "nominal"].set_index(keys)["nominal_rms_distance_mm"]
     own = nominal.loc[pd.MultiIndex.from_frame(transfer[keys])].to_numpy()
     return transfer.assign(
-        kept=transfer["judged_share_inside"] >= KEPT, degradation=transfer["judged_rms_distance_mm"] / own,
+        mostly_inside=transfer["judged_share_inside"] >= MOSTLY, degradation=transfer["judged_rms_distance_mm"] / own,
         commands=np.where(transfer["delay"] == 0, "in time", "late"),
     )  # fmt: skip
 
@@ -71,7 +93,8 @@ def by_training(table: pd.DataFrame) -> pd.DataFrame:
     """Return one line per route, table, training and commands of a ``judged`` table, worlds as the unit."""
     groups = table.groupby(["route", "table", "commands", "training"], sort=False)
     return groups.agg(
-        worlds=("seed", "size"), without_loss=("judged_losses", lambda lost: int((lost == 0).sum())), kept=("kept", "sum"),
+        worlds=("seed", "size"), mostly_inside=("mostly_inside", "sum"),
+        without_loss=("judged_losses", lambda lost: int((lost == 0).sum())),
         losses=("judged_losses", "sum"), share_inside=("judged_share_inside", "mean"), rms_mm=("judged_rms_distance_mm", "mean"),
         degradation=("degradation", "median"), worst_degradation=("degradation", "max"),
     ).astype({"losses": int})  # fmt: skip
@@ -89,13 +112,25 @@ def by_delay(delays: pd.DataFrame) -> pd.DataFrame:
 
 
 def losses_by_delay(delays: pd.DataFrame) -> pd.DataFrame:
-    """Return losses over all worlds, and worlds without any, by how late commands come, per route and table."""
-    groups, columns = delays.groupby(["route", "table"], sort=False), {}
+    """Return losses over all worlds, worlds without any, and the worst degradation, by how late commands come."""
+    lines = []
     for k in DELAYS:
-        columns[f"{k / 10} s"] = groups[f"delay_{k}_losses"].sum().astype(int)
-    for k in DELAYS:
-        columns[f"{k / 10} s, free"] = groups[f"delay_{k}_losses"].agg(lambda lost: int((lost == 0).sum()))
-    return pd.DataFrame(columns)
+        error = delays[f"delay_{k}_rms_distance_mm"] / delays["nominal_rms_distance_mm"]
+        lines.append(delays[["route", "table"]].assign(late=k / 10, losses=delays[f"delay_{k}_losses"], degradation=error))
+    return _lost(pd.concat(lines).groupby(["route", "table", "late"], sort=False))
+
+
+def losses_by_noise(gap: pd.DataFrame) -> pd.DataFrame:
+    """Return losses over all seeds by the factor on the noise, per route and training."""
+    columns = {f"× {factor}": gap[f"losses_noise_{factor}"] for factor in NOISE_FACTORS}
+    return gap[["route", "training"]].assign(**columns).groupby(["route", "training"], sort=False).sum().astype(int)
+
+
+def _lost(groups: Any) -> pd.DataFrame:
+    return groups.agg(
+        losses=("losses", lambda lost: int(lost.sum())), without_loss=("losses", lambda lost: int((lost == 0).sum())),
+        worst_degradation=("degradation", "max"),
+    )  # fmt: skip
 
 
 def by_noise(gap: pd.DataFrame) -> pd.DataFrame:
@@ -111,10 +146,13 @@ def by_noise(gap: pd.DataFrame) -> pd.DataFrame:
 def settled(transfer: pd.DataFrame) -> pd.DataFrame:
     """Return, per route, place and table that was learned in from nothing and seed: how that went, and how it follows there.
 
-    Columns: minutes (to the first 250 s without any loss, NaN if never), losses (while learning), rms_mm and turning_deg_s (RMS
-    above 1 Hz) of the greedy drive afterwards, in the world that was learned in.
+    Columns: minutes (to the first 250 s without any loss; a run that had none counts as its whole length, a lower bound), never
+    (settled), losses (while learning), rms_mm and turning_deg_s (RMS above 1 Hz, driving back after losses included) of the drive
+    afterwards, in the world that was learned in.
     """
-    parts = []
+    parts, lengths = [], {}
+    for label, trial in zip(*STUDIES["transfer"].trials([1]), strict=True):
+        lengths[label["route"]] = trial.steps / trial.config.followers * CONTROL_PERIOD / 60
     for training, where, seen in (("nominal", "simulated", "nominal"), ("there", "emulated", "judged")):
         part = transfer[transfer["training"] == training].assign(where=where)
         names = {
@@ -122,7 +160,9 @@ def settled(transfer: pd.DataFrame) -> pd.DataFrame:
             f"{seen}_turn_rms_deg_s": "turning_deg_s",
         }  # fmt: skip
         parts.append(part.rename(columns=names)[["route", "where", "table", "seed", *names.values()]])
-    return pd.concat(parts)
+    table = pd.concat(parts)
+    whole = table["route"].map(lengths)
+    return table.assign(never=table["minutes"].isna(), minutes=table["minutes"].fillna(whole))
 
 
 def on_robot_against_simulation(transfer: pd.DataFrame, column: str, simulated: str) -> pd.DataFrame:
@@ -131,5 +171,5 @@ def on_robot_against_simulation(transfer: pd.DataFrame, column: str, simulated: 
     there, here = (
         every.loc[key].set_index(["route", "seed"])[column] for key in (("emulated", "5×5/3×3"), ("simulated", simulated))
     )
-    difference = (there - here).dropna().rename("difference").reset_index()
+    difference = (there - here).rename("difference").reset_index()
     return effects.by_condition(difference, ["route"], "difference")

@@ -1,8 +1,9 @@
 """Trials of weights that travel: from robot to robot, and from the nominal simulation into emulated realities.
 
-Everything is judged by true poses, on robots that stay the same from learning to judging (``ConvoyConfig.fleet``), on a track and
-with noise that were not learned on. Lengths in mm, angles in degrees; names that end in a number belong to that follower or that
-noise. What does not exist (errors where nobody followed) is NaN.
+Everything is judged by true poses, on a track and with noise that were not learned on. The robots of the nominal simulation stay
+the same from learning to judging (``ConvoyConfig.fleet`` is the seed), and so do those of every emulated world. Lengths in mm,
+angles in degrees; names that end in a number belong to that follower or that noise. What does not exist (errors where nobody
+followed) is NaN.
 
 >>> trial = Transfer(config=ConvoyConfig(drive="planar", followers=1), steps=2000, minutes=1.0)
 >>> sorted(name for name in measure_transfer(trial) if name.startswith("nominal"))[:3]
@@ -20,7 +21,7 @@ from workbench.fields import choice, configuration, integer
 from workbench.formation.body import LONGEST_DELAY, BodyConfig
 from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
-from workbench.formation.follower import LOSS
+from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -31,7 +32,9 @@ from workbench.study.worlds import emulated_world
 
 TRAININGS = ("nominal", "delay known", "randomised", "there", "nominal, then there")
 STRETCHES = 160  # worlds that randomised training goes through, one after the other: chosen on tuning worlds, seeds 11 to 13
+ELSEWHERE = 10**6  # from this seed on: tracks and noise of randomised training, none of which is judged on
 EARLY = 5_000  # updates over which a warm start is compared with a cold one
+QUIET, LATER = 2_000, 40_000  # updates without a loss that count as settled, and updates within which they are looked for
 NOISE_FACTORS = (0, 1, 2, 3, 4, 5)
 DELAYS = range(LONGEST_DELAY + 1)  # control periods
 
@@ -51,7 +54,7 @@ def measure_transfer(trial: Transfer) -> dict[str, float]:
 
     ``learning_…`` is of the world that was learned in last; not of randomised training, whose worlds are many.
     """
-    config, seed = trial.config, trial.config.seed
+    config, seed = _own_robots(trial), trial.config.seed
     there = emulated_world(config, seed, family="judging")
     table, losses = None, np.full(1, math.nan)
     if trial.training == "randomised":
@@ -78,7 +81,7 @@ def measure_transfer(trial: Transfer) -> dict[str, float]:
 
 def measure_delays(trial: Trial) -> dict[str, float]:
     """Return how weights of the nominal simulation follow in a judging world, were its commands 0 to 3 control periods late."""
-    config, unseen = trial.config, trial.config.seed + UNSEEN
+    config, unseen = _own_robots(trial), trial.config.seed + UNSEEN
     table, _ = _learned(config, trial.steps)
     worlds = {"nominal": config}
     worlds |= {f"delay_{k}": emulated_world(config, config.seed, family="judging", delay=k) for k in DELAYS}
@@ -93,9 +96,9 @@ def measure_copies(trial: Trial) -> dict[str, float]:
     """Return each follower's errors, on the very robots that learned, with four kinds of weights.
 
     ``own_…`` are what it learned itself, ``copied_…`` what the first follower learned, ``last_…`` what the last one learned, and
-    ``shared_…`` one table that all followers learned together, with as many updates.
+    ``shared_…`` one table that all followers learned together, which gets the updates of all of them.
     """
-    config = replace(trial.config, fleet=trial.config.seed)
+    config = _own_robots(trial)
     table, _ = _learned(config, trial.steps)
     shared, _ = _learned(replace(config, weights="shared"), trial.steps)
     judged = config.with_seed(config.seed + UNSEEN)
@@ -109,26 +112,39 @@ def measure_copies(trial: Trial) -> dict[str, float]:
 
 
 def measure_warm(trial: Trial) -> dict[str, float]:
-    """Return losses and errors of the first updates with weights that were learned on the nominal task, and without.
+    """Return what learning a new task takes and leads to with weights that were learned on the nominal one, and without.
 
-    ``trial.config`` is the new task; the old one is the same but for robots, track and the leader's speed.
+    ``trial.config`` is the new task; the old one is the same but for robots, track and the leader's speed. ``…_learning_losses``
+    are those of the first EARLY updates, ``…_updates_to_quiet`` the updates before the first QUIET ones without any loss (NaN if
+    there are none in LATER), everything else is of a greedy drive with what EARLY updates have made of the weights.
     """
-    nominal = ConvoyConfig()
-    new = replace(trial.config, fleet=trial.config.seed)
+    nominal, new = ConvoyConfig(), _own_robots(trial)
     old = replace(new, body=nominal.body, track=nominal.track, leader_speed_mps=nominal.leader_speed_mps)
     table, _ = _learned(old, trial.steps)
+    again, judged = new.with_seed(new.seed + UNSEEN), new.with_seed(new.seed + 2 * UNSEEN)
     result: dict[str, float] = {}
     for name, begin in (("cold", None), ("warm", table)):
-        later, losses = _learned(new.with_seed(new.seed + UNSEEN), EARLY, begin)
-        judged = new.with_seed(new.seed + 2 * UNSEEN)
+        later, losses = _learned(again, EARLY, begin)
+        longer = drive(Convoy(again, [again.seed], steps=LATER, horizon=EARLY, policy=begin, threads=1))
         errors = _errors(judged, _followed(judged, later, trial), slice(None))
-        result |= {f"{name}_learning_losses": float(losses.sum())} | {f"{name}_{key}": value for key, value in errors.items()}
+        result |= {f"{name}_learning_losses": float(losses.sum()), f"{name}_updates_to_quiet": _quiet_from(longer)}
+        result |= {f"{name}_{key}": value for key, value in errors.items()}
     return result
+
+
+def _quiet_from(steps: NDArray[np.void]) -> float:
+    """Return the updates, summed over the followers, before the first QUIET ones without any loss; NaN if there are none."""
+    events = steps["event"][:, 1:]
+    updates = np.cumsum(np.count_nonzero(events & LEARNED, axis=1))
+    lost = updates[np.any(events & LOSS != 0, axis=1)]
+    begins, ends = np.append(0, lost), np.append(lost, updates[-1])
+    long = np.flatnonzero(ends - begins >= QUIET)
+    return float(begins[long[0]]) if long.size else math.nan
 
 
 def measure_gap(trial: Transfer) -> dict[str, float]:
     """Return how a policy follows with noise × 0 to × 5 that learned with noise × 1, or × 0 to × 5 at random ("randomised")."""
-    config, seed = trial.config, trial.config.seed
+    config, seed = _own_robots(trial), trial.config.seed
     if trial.training == "randomised":
         factors = np.random.default_rng(seed).uniform(NOISE_FACTORS[0], NOISE_FACTORS[-1], STRETCHES)
         table = _learned_in_turn((with_noise(config, factor) for factor in factors), trial)
@@ -147,6 +163,10 @@ def with_noise(config: ConvoyConfig, factor: float) -> ConvoyConfig:
     if config.sensing in INFRARED:
         return replace(config, infrared=replace(config.infrared, noise=factor * config.infrared.noise))
     return replace(config, noise_distance_m=factor * config.noise_distance_m, noise_bearing_rad=factor * config.noise_bearing_rad)
+
+
+def _own_robots(trial: Trial) -> ConvoyConfig:
+    return replace(trial.config, fleet=trial.config.seed)
 
 
 def _learned(config: ConvoyConfig, steps: int, table: Table | None = None) -> tuple[Table, NDArray[np.int64]]:
@@ -168,7 +188,9 @@ def _learned_in_turn(worlds: Iterable[ConvoyConfig], trial: Transfer) -> Table:
     """Return the tables after equal stretches of learning in STRETCHES worlds, a new track in each."""
     table = None
     for k, world in enumerate(worlds):
-        table, _ = _learned(world.with_seed(STRETCHES * trial.config.seed + k), max(trial.steps // STRETCHES, 1), table)
+        table, _ = _learned(
+            world.with_seed(ELSEWHERE + STRETCHES * trial.config.seed + k), max(trial.steps // STRETCHES, 1), table
+        )
     assert table is not None
     return table
 
