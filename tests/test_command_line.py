@@ -53,7 +53,7 @@ def test_a_classical_law_is_evaluated_by_its_name(capsys):
         (["evaluate", "l-psi", "--set", "sensing=truth-relative"], "law 'l-psi' needs the predecessor's heading, speed"),
         (["study", "everything"], "study 'everything'; expected one of tiles, inner"),
         (["study", "inner", "--workers", "-1"], "workers = -1"),
-        (["validate", "moon"], "validate 'moon'; expected drive, infrared, camera or deadlines"),
+        (["validate", "moon"], "validate 'moon'; expected drive, infrared, tiles, camera or deadlines"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(arguments, message, capsys, tmp_path, monkeypatch):

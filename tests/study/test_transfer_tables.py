@@ -119,6 +119,9 @@ def test_bars_of_agreement_fill_the_whole():
             "share_same_tile": [0.5, 0.7], "share_within_one_tile": [0.8, 0.9],
         }
     )  # fmt: skip
+    tiles["model"] = "fitted"
+    right = transfer_tables.in_the_right_tile(pd.concat([tiles, tiles.assign(share_same_tile=0.0)]))
+    np.testing.assert_allclose(right, [[0.0, 0.30], [0.0, 0.49]])
     ax = transfer_plots.agreement(tiles, Figure().subplots())
     widths = np.array([bar.get_width() for bar in ax.patches]).reshape(4, 2)
     np.testing.assert_allclose(widths, [[0.30, 0.49], [0.18, 0.14], [0.12, 0.07], [0.4, 0.3]])

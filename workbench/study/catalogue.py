@@ -13,6 +13,7 @@ from typing import Any
 from workbench import fields
 from workbench.arena.camera_config import CameraConfig
 from workbench.arena.tracks import TrackConfig
+from workbench.formation.body import BodyConfig
 from workbench.formation.config import INFRARED, SETTINGS, TILINGS, ConvoyConfig
 from workbench.learning.config import PRESETS, RULES, LearnerConfig
 from workbench.robot.infrared import InfraredConfig
@@ -20,6 +21,15 @@ from workbench.study.camera_trials import measure_camera
 from workbench.study.infrared_trials import measure_infrared
 from workbench.study.motion_trials import measure_motion, measure_rival, measure_stability
 from workbench.study.off_policy_trials import measure_off_policy
+from workbench.study.transfer_trials import (
+    TRAININGS,
+    Transfer,
+    measure_copies,
+    measure_delays,
+    measure_gap,
+    measure_transfer,
+    measure_warm,
+)
 from workbench.study.trials import CONTROLLERS, Trial, measure, measure_sections, measure_widely
 
 Labels = dict[str, Any]
@@ -27,6 +37,7 @@ Case = tuple[Mapping[str, Any], ConvoyConfig | Trial]  # a configuration takes t
 BASE = ConvoyConfig(drive="planar")
 ROBOT = replace(SETTINGS["paper-robot"], drive="planar")
 LOGARITHMIC = replace(SETTINGS["logarithmic"], drive="planar")
+OTHER = BodyConfig(wheel_spread=0.02, axle_spread=0.02)  # robots that are not alike
 HORIZON = 1_000_000  # updates of the study of smoothness, over which ε falls
 COMPUTE_TIMES_S = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
 
@@ -38,7 +49,7 @@ class Study:
     name: str
     question: str
     cases: Callable[[], Sequence[Case]]
-    function: Callable[[Trial], Mapping[str, float]] = measure
+    function: Callable[[Any], Mapping[str, float]] = measure  # of a Trial, or of what its cases are
     steps: int = 200_000
     minutes: float = 20.0
     seeds: int = 10
@@ -248,6 +259,71 @@ def _off_policy() -> Sequence[Case]:
     return [({"route": route}, replace(small, sensing=route)) for route in INFRARED]
 
 
+def _copies() -> Sequence[Case]:
+    infrared = replace(SETTINGS["infrared"], drive="planar", state_tiles=(5, 5), action_levels=(3, 3))
+    settings = {
+        "paper, on wheels": (SETTINGS["paper"], 400_000), "paper-robot, camera": (replace(ROBOT, sensing="camera"), 400_000),
+        "recommended": (replace(SETTINGS["recommended"], drive="planar"), 400_000),
+    } | {f"5×5/3×3, {route}": (replace(infrared, sensing=route), 200_000) for route in INFRARED}  # fmt: skip
+    cases: list[Case] = []
+    for name, (config, steps) in settings.items():
+        for robots in ("alike", "different"):
+            fleet = (
+                replace(_seen(config, gain_spread=0.0), body=BodyConfig()) if robots == "alike" else replace(config, body=OTHER)
+            )
+            cases.append(({"setting": name, "robots": robots}, Trial(config=fleet, steps=steps, minutes=20.0)))
+    return cases
+
+
+def _warm() -> Sequence[Case]:
+    tasks = {
+        "other robots": replace(BASE, body=OTHER), "leader 20 % slower": replace(BASE, leader_speed_mps=0.048),
+        "leader 20 % faster": replace(BASE, leader_speed_mps=0.072), "leader at half speed": replace(BASE, leader_speed_mps=0.03),
+        "anticlockwise": replace(BASE, track=TrackConfig(direction="anticlockwise")),
+        "figure eight": replace(BASE, track=TrackConfig(shape="eight")),
+        "commands 0.2 s late": replace(BASE, body=BodyConfig(delay=2)),
+    }  # fmt: skip
+    return [({"task": name}, config) for name, config in tasks.items()]
+
+
+def _routes() -> dict[str, tuple[ConvoyConfig, int]]:
+    infrared = replace(SETTINGS["infrared"], drive="planar", followers=1)
+    camera = {"camera": (replace(BASE, sensing="camera"), 200_000)}
+    return camera | {route: (replace(infrared, sensing=route), 100_000) for route in INFRARED}
+
+
+def _travels() -> Sequence[tuple[Labels, ConvoyConfig, int]]:
+    return [
+        ({"route": route, "table": f"{n}×{n}/{m}×{m}"}, replace(base, state_tiles=(n, n), action_levels=(m, m)), steps)
+        for route, (base, steps) in _routes().items()
+        for n, m in ((9, 7), (5, 3))
+    ]
+
+
+def _transfer() -> Sequence[Case]:
+    cases: list[Case] = []
+    for label, config, steps in _travels():
+        for training in TRAININGS:
+            there = steps if training == "there" else steps // 10
+            trial = Transfer(config=config, steps=steps, there_steps=there, minutes=30.0, training=training)
+            cases.append((label | {"training": training}, trial))
+    return cases
+
+
+def _delays() -> Sequence[Case]:
+    return [(label, Trial(config=config, steps=steps, minutes=30.0)) for label, config, steps in _travels()]
+
+
+def _gap() -> Sequence[Case]:
+    noisy = replace(BASE, noise_distance_m=0.001, noise_bearing_rad=math.radians(1))
+    routes = {"absolute, 1 mm and 1°": (noisy, 200_000)} | {route: case for route, case in _routes().items() if route != "camera"}
+    return [
+        ({"route": route, "training": training}, Transfer(config=config, steps=steps, minutes=10.0, training=training))
+        for route, (config, steps) in routes.items()
+        for training in ("nominal", "randomised")
+    ]
+
+
 STUDIES = {
     study.name: study
     for study in (
@@ -284,5 +360,16 @@ STUDIES = {
         Study(
             "off-policy", "Is a policy's value known from a log that it did not make?", _off_policy, measure_off_policy, 100_000
         ),
+        Study("copies", "Do the first follower's weights serve all others (E7)?", _copies, measure_copies),
+        Study(
+            "warm",
+            "When do weights of other robots or another task help, and when do they harm (E7)?",
+            _warm,
+            measure_warm,
+            minutes=10.0,
+        ),
+        Study("transfer", "Do weights from the simulation drive an emulated reality (E8, E9, E11)?", _transfer, measure_transfer),
+        Study("delays", "How late may commands come for weights from the simulation (E8, E9)?", _delays, measure_delays),
+        Study("gap", "How much more noise than they learned with do policies bear (E9)?", _gap, measure_gap),
     )
 }

@@ -29,8 +29,8 @@ from workbench.study.runs import learn
 from workbench.study.trials import UNSEEN, Trial
 
 EPSILON = 0.1
-PERIODS = 3_000  # control periods of the log: five minutes
-STRETCHES, LENGTH = 2_000, 60  # greedy stretches for the truth, steps of each
+PERIODS = 12_000  # control periods of the log: twenty minutes
+STRETCHES, LENGTH = 4_000, 60  # greedy stretches for the truth, steps of each
 
 
 class Driver:

@@ -173,3 +173,13 @@ def on_robot_against_simulation(transfer: pd.DataFrame, column: str, simulated: 
     )
     difference = (there - here).rename("difference").reset_index()
     return effects.by_condition(difference, ["route"], "difference")
+
+
+def in_the_right_tile(tiles: pd.DataFrame) -> pd.DataFrame:
+    """Return how many of the rows that the model sees inside the bounds lie in its tile, by readings and model.
+
+    Args:
+        tiles: lines of data/validation/tiles.csv; the shares of their routes and tables are summed up as lowest and highest.
+    """
+    share = tiles["share_same_tile"] * tiles["both_inside"] / tiles["model_inside"]
+    return share.groupby([tiles["readings"], tiles["model"]]).agg(["min", "max"])
