@@ -114,7 +114,7 @@ def test_a_hundred_kills_leave_recordings_that_load(tmp_path):
             until = time.monotonic() + 30
             while not any(folder.iterdir()) and time.monotonic() < until:
                 time.sleep(0.0005)  # until it has begun, however busy the machine is
-            time.sleep(float(chance.uniform(0, 0.03)))
+            time.sleep(float(chance.uniform(0, 0.06)))
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
             assert parent.stdout.readline() == "gone\n"
@@ -124,7 +124,7 @@ def test_a_hundred_kills_leave_recordings_that_load(tmp_path):
                 cut += not recording.header["complete"]
                 assert (recording.frame["ps3"] == 1).all()
         parent.stdin.close()
-    assert loaded >= 80 and cut > 50  # most kills struck an open recording
+    assert loaded > 100 and cut > 50  # most kills struck an open recording
 
 
 def test_a_half_written_last_line_is_dropped_and_reported(tmp_path):
