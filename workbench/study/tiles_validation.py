@@ -126,7 +126,9 @@ def _compare(
     cells = [np.stack(np.unravel_index(states[both], config.grid().shape)) for states in (real, model)]
     away = np.abs(cells[0] - cells[1]).max(axis=0, initial=0)
     same_action = (
-        [np.mean(greedy[real[both]] == greedy[model[both]]) for greedy in map(_greedy, policies)] if both.any() else [np.nan]
+        [np.mean(greedy[real[both]] == greedy[model[both]]) for greedy in (policy.greedy()[0] for policy in policies)]
+        if both.any()
+        else [np.nan]
     )
     return {
         "rows": len(real), "real_inside": int(inside.sum()), "model_inside": int((model >= 0).sum()),
@@ -137,11 +139,6 @@ def _compare(
         "share_within_one_tile": float((away <= 1).mean()) if both.any() else np.nan,
         "share_same_action": float(np.mean(same_action)),
     }  # fmt: skip
-
-
-def _greedy(policy: Policy) -> NDArray[np.int64]:
-    actions: NDArray[np.int64] = policy.theta[0].argmax(axis=1)
-    return actions
 
 
 def _changes(config: ConvoyConfig, real: NDArray[np.int64], model: NDArray[np.int64]) -> list[dict[str, int]]:
