@@ -17,7 +17,7 @@ import numpy as np
 leader = np.zeros(1, [("memory", "f8"), ("timer", "i8"), ("knows_white", "f8", (3,)), ("knows_black", "f8", (3,))])
 leader["knows_white"], leader["knows_black"] = 948.0, 300.0
 from numba import njit
-call = njit(lambda leader: follow_line(leader[0], 700.0, 300.0, 948.0, 466.0))
+call = njit(lambda leader: follow_line(leader[0], 700.0, 300.0, 948.0, 466.0, 1.0))
 print(*call(leader), follow_line.stats.cache_hits if hasattr(follow_line, "stats") else 0)
 """
 

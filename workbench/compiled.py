@@ -23,8 +23,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
 from numba.core.dispatcher import Dispatcher
+from numba.extending import intrinsic
 
 F = TypeVar("F", bound=Callable[..., object])
 _PACKAGE = Path(__file__).parent
@@ -73,3 +75,17 @@ def compiled(function: F) -> Dispatcher[F]:
         return njit(cache=True, nogil=True)(function)
     finally:
         settings.CACHE_DIR = before
+
+
+def _call_at(typing_context: Any, address: Any, x: Any, y: Any) -> Any:
+    """Return what the C function float64(float64, float64) at an address returns for x and y."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        double = ir.DoubleType()
+        pointer = builder.inttoptr(arguments[0], ir.FunctionType(double, [double, double]).as_pointer())
+        return builder.call(pointer, arguments[1:])
+
+    return types.float64(types.int64, types.float64, types.float64), generate
+
+
+call_at: Any = intrinsic(_call_at)  # numba passes the typing context; callers pass address, x, y

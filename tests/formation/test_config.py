@@ -109,7 +109,7 @@ def test_config_to_json_and_back_is_equal(config):
 def test_configs_are_frozen_documented_and_numbers_become_plain():
     with pytest.raises(dataclasses.FrozenInstanceError):
         ConvoyConfig().seed = 3
-    assert "leader_speed_mps = 0.06: constant speed of the leader; a number from 0.005 to 0.12 m/s" in ConvoyConfig.__doc__
+    assert "leader_speed_mps = 0.06: constant speed of the leader; a number from 0.005 to 10 m/s" in ConvoyConfig.__doc__
     assert type(ConvoyConfig(leader_speed_mps=0.05).leader_speed_mps) is float
     assert ConvoyConfig(state_tiles=[5, 5]).state_tiles == (5, 5)
 

@@ -64,10 +64,10 @@ def test_losing_the_leader_never_pays(preset, gamma):
     worst = worst_step_reward(preset)
     assert steps.min() >= worst - 1e-12
     assert steps.min() == pytest.approx(worst, abs=1e-12)
-    terminal = terminal_reward(preset, gamma, 1.0)
+    terminal = terminal_reward(worst, gamma, 1.0)
     staying_at_the_worst = steps.min() / (1 - gamma)
     assert terminal <= staying_at_the_worst + 1e-9
-    assert terminal_reward(preset, gamma, 2.0) <= terminal
+    assert terminal_reward(worst, gamma, 2.0) <= terminal
     assert np.unravel_index(steps.argmax(), steps.shape)[1] == 20  # best at zero distance error
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import FOLLOWER
 from workbench.formation.reset import (
     APPROACH,
@@ -14,12 +15,12 @@ from workbench.formation.reset import (
     LOST,
     PHASES,
     SEARCH,
-    SEARCH_PERIODS,
     TIME_OUT,
     TURN,
     begin_reset,
     manoeuvre,
 )  # fmt: skip
+from workbench.formation.task import fill_task
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 
 MIDDLE, HALF, LIMIT, SIGHT = 0.15, 0.07, math.pi / 4, 2.0
@@ -31,9 +32,13 @@ def _follower(phase=FOLLOW, timer=0):
     return follower
 
 
+TASK = fill_task(ConvoyConfig(), 0)
+SEARCH_PERIODS = int(TASK["search_periods"][0])
+
+
 @njit
-def _manoeuvre(follower, distance, bearing, sight):
-    return manoeuvre(follower[0], distance, bearing, MIDDLE, HALF, LIMIT, sight, 0, 1.0)
+def _manoeuvre(task, follower, distance, bearing):
+    return manoeuvre(task[0], follower[0], distance, bearing)
 
 
 @njit
@@ -42,7 +47,9 @@ def _begin(follower, distance):
 
 
 def _move(follower, distance, bearing, sight=SIGHT):
-    return _manoeuvre(follower, float(distance), float(bearing), sight)
+    task = TASK.copy()
+    task["sight"] = sight
+    return _manoeuvre(task, follower, float(distance), float(bearing))
 
 
 def _phase(follower):

@@ -14,7 +14,7 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.follower import BLINDED, FOLLOWER, LOSS
 from workbench.formation.reset import FOLLOW, LOST, drive_on
-from workbench.formation.simulated import SimulatedRobot, _sense
+from workbench.formation.simulated import SimulatedRobot, sense
 from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
 from workbench.robot.ground import extremes
@@ -100,9 +100,9 @@ def test_blinding_light_is_seen_and_ends_in_standing_still():
 
 
 def test_a_search_is_bounded_and_never_turns_round():
-    heading = 0.0
+    heading, task = 0.0, fill_task(_config("ir-metric"), 0)[0]
     for timer in range(60):
-        left, right = drive_on(timer, 0.0, 1.0)
+        left, right = drive_on(task, timer, 0.0)
         assert abs(left) <= 1000 and abs(right) <= 1000
         heading += (right - left) * 0.000128805 / 0.053 * 0.1
         assert abs(heading) < math.radians(75)
@@ -206,7 +206,7 @@ def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_s
     task, robots = fill_task(config, 0), np.zeros(2, FOLLOWER)
     robots["c"], robots["gain"] = 1.0, 1.0
     robots[0]["x"], robots[1]["turn"], robots[1]["speed"], robots[0]["speed"] = 0.105, turn, 0.06, 0.05
-    _sense(task, robots, 1, np.zeros(8))
+    sense(task, robots, 1, np.zeros(8))
     for k in range(8):
         age = config.infrared.age_s + (3 - k % 4) * SLOT
         radius = 0.06 / turn  # on an arc, exactly

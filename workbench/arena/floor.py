@@ -26,7 +26,7 @@ from workbench.compiled import compiled
 from workbench.robot.ground import SPOT
 
 CELL = 0.002  # m
-_MARGIN = 25  # cells of white around the line
+_MARGIN = 25  # cells of white around a narrow line
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,21 @@ class Floor:
 
 def draw_floors(tracks: Sequence[Track], line_width_m: float) -> Floor:
     """Draw the line of every track, line_width_m wide, into rasters of equal size."""
-    low = np.floor(np.min([track.line.min(axis=0) for track in tracks], axis=0) / CELL).astype(int) - _MARGIN
-    high = np.ceil(np.max([track.line.max(axis=0) for track in tracks], axis=0) / CELL).astype(int) + _MARGIN
+    margin = max(_MARGIN, _reach(line_width_m) + 1)
+    low = np.floor(np.min([track.line.min(axis=0) for track in tracks], axis=0) / CELL).astype(int) - margin
+    high = np.ceil(np.max([track.line.max(axis=0) for track in tracks], axis=0) / CELL).astype(int) + margin
     columns, rows = (int(n) + 1 for n in high - low)
     raster = np.stack([_draw(track, line_width_m, low, (rows, columns)) for track in tracks])
     return Floor(raster, int(low[0]), int(low[1]))
 
 
+def _reach(line_width_m: float) -> int:
+    """Return how many cells from a point of the line there may be darkness."""
+    return math.ceil((line_width_m / 2 + SPOT) / CELL) + 1
+
+
 def _draw(track: Track, line_width_m: float, low: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.uint8]:
-    reach = math.ceil((line_width_m / 2 + SPOT) / CELL) + 1
+    reach = _reach(line_width_m)
     window = range(-reach, reach + 1)
     nearest = np.full(shape, np.inf)
     cells = np.round(track.line / CELL).astype(int)

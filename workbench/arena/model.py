@@ -25,6 +25,7 @@ from collections.abc import Callable
 import mujoco
 
 from workbench.robot import geometry as g
+from workbench.robot.description import EPUCK, RobotConfig
 
 DRIVES = ("wheels", "planar")
 TIMESTEP = {"wheels": 0.01, "planar": 0.02}  # s
@@ -45,10 +46,13 @@ _FLOOR, _FOOT, _BODY = 1, 2, 4  # collision classes
 COLOURS = ((0.80, 0.25, 0.20, 1.0), (0.20, 0.45, 0.75, 1.0))  # leader, followers
 
 
-def build_model(robots: int, drive: str, furnish: Callable[[mujoco.MjSpec], None] | None = None) -> mujoco.MjModel:
-    """Compile the model of a number of e-pucks on an infinite floor; their bodies are robot0, robot1, ….
+def build_model(
+    robots: int, drive: str, furnish: Callable[[mujoco.MjSpec], None] | None = None, robot: RobotConfig = EPUCK
+) -> mujoco.MjModel:
+    """Compile the model of a number of robots on an infinite floor; their bodies are robot0, robot1, ….
 
-    ``furnish`` may add walls, boxes and the like to the specification before it is compiled.
+    ``furnish`` may add walls, boxes and the like to the specification before it is compiled. Servos of robots other than the
+    e-puck are scaled with mass and wheels, so that they settle as fast; gaps and offsets with the body's radius.
 
     Raises:
         ValueError: fewer than one robot or an unknown drive.
@@ -69,11 +73,11 @@ def build_model(robots: int, drive: str, furnish: Callable[[mujoco.MjSpec], None
     for number in range(robots):
         body = spec.worldbody.add_body(name=f"robot{number}")
         if drive == "wheels":
-            _add_wheels(spec, body, number)
+            _add_wheels(spec, body, number, robot)
         else:
-            _add_planar(spec, body, number)
-        height = 0.0 if drive == "wheels" else g.WHEEL_RADIUS
-        _add_shell(body, number, height)
+            _add_planar(spec, body, number, robot)
+        height = 0.0 if drive == "wheels" else robot.wheel_radius_m
+        _add_shell(body, number, height, robot)
     if furnish is not None:
         furnish(spec)
     return spec.compile()
@@ -85,35 +89,37 @@ def _sphere(body: mujoco.MjsBody, name: str, radius: float, pos: list[float], **
     )  # fmt: skip
 
 
-def _add_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int) -> None:
+def _add_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int, robot: RobotConfig) -> None:
     name = f"robot{number}"
+    rolling = robot.mass_kg / g.BODY_MASS * (robot.wheel_radius_m / g.WHEEL_RADIUS) ** 2  # inertia that a wheel feels
+    pulling = robot.mass_kg / g.BODY_MASS * (robot.wheel_radius_m / g.WHEEL_RADIUS)
     body.add_freejoint(name=f"{name}/free")
     body.explicitinertial = True
-    body.mass = g.BODY_MASS - 2 * g.WHEEL_MASS
-    body.inertia = list(g.INERTIA)
-    body.ipos = list(CENTRE_OF_MASS)
-    for side, x, gap in (("rear", -g.SLIDER_X, 0.0), ("front", g.SLIDER_X, FRONT_GAP)):
-        place = [x, 0, g.SLIDER_RADIUS - g.WHEEL_RADIUS + gap]
-        _sphere(body, f"{name}/{side}", g.SLIDER_RADIUS, place, contype=_FOOT, conaffinity=_FLOOR, condim=1, priority=1)
-    spin = g.WHEEL_MASS * g.WHEEL_RADIUS**2 / 2  # kg m², a disc about its axle
-    for side, y in (("left", g.TRACK / 2), ("right", -g.TRACK / 2)):
+    body.mass = robot.mass_kg - 2 * robot.wheel_mass_kg
+    body.inertia = list(robot.inertia_kg_m2)
+    body.ipos = [robot.size * x for x in CENTRE_OF_MASS]
+    for side, x, gap in (("rear", -robot.slider_x_m, 0.0), ("front", robot.slider_x_m, robot.size * FRONT_GAP)):
+        place = [x, 0, robot.slider_radius_m - robot.wheel_radius_m + gap]
+        _sphere(body, f"{name}/{side}", robot.slider_radius_m, place, contype=_FOOT, conaffinity=_FLOOR, condim=1, priority=1)
+    spin = robot.wheel_mass_kg * robot.wheel_radius_m**2 / 2  # kg m², a disc about its axle
+    for side, y in (("left", robot.track_m / 2), ("right", -robot.track_m / 2)):
         wheel = body.add_body(name=f"{name}/{side}", pos=[0, y, 0])
         wheel.explicitinertial = True
-        wheel.mass = g.WHEEL_MASS
+        wheel.mass = robot.wheel_mass_kg
         wheel.inertia = [0.51 * spin, spin, 0.51 * spin]
         wheel.add_joint(
-            name=f"{name}/{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=ROTOR_INERTIA
+            name=f"{name}/{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=rolling * ROTOR_INERTIA
         )  # fmt: skip
         _sphere(
-            wheel, f"{name}/{side}_tyre", g.WHEEL_RADIUS, [0, 0, 0], contype=_FOOT, conaffinity=_FLOOR,
+            wheel, f"{name}/{side}_tyre", robot.wheel_radius_m, [0, 0, 0], contype=_FOOT, conaffinity=_FLOOR,
             condim=3, priority=2, friction=[FRICTION, 0, 0],
         )  # fmt: skip
         motor = spec.add_actuator(name=f"{name}/{side}", target=f"{name}/{side}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.set_to_velocity(kv=WHEEL_SERVO)
-        motor.forcelimited, motor.forcerange = True, [-TORQUE_LIMIT, TORQUE_LIMIT]
+        motor.set_to_velocity(kv=rolling * WHEEL_SERVO)
+        motor.forcelimited, motor.forcerange = True, [-pulling * TORQUE_LIMIT, pulling * TORQUE_LIMIT]
 
 
-def _add_planar(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int) -> None:
+def _add_planar(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int, robot: RobotConfig) -> None:
     name = f"robot{number}"
     for joint, kind, axis in (
         ("x", mujoco.mjtJoint.mjJNT_SLIDE, [1, 0, 0]),
@@ -122,38 +128,39 @@ def _add_planar(spec: mujoco.MjSpec, body: mujoco.MjsBody, number: int) -> None:
     ):
         body.add_joint(name=f"{name}/{joint}", type=kind, axis=axis)
     body.explicitinertial = True
-    body.mass = g.BODY_MASS
-    body.inertia = list(g.INERTIA)
+    body.mass = robot.mass_kg
+    body.inertia = list(robot.inertia_kg_m2)
     for side, y, gear in (
-        ("left", g.TRACK / 2, [1, 0, 0, 0, 0, 0]),
-        ("right", -g.TRACK / 2, [1, 0, 0, 0, 0, 0]),
+        ("left", robot.track_m / 2, [1, 0, 0, 0, 0, 0]),
+        ("right", -robot.track_m / 2, [1, 0, 0, 0, 0, 0]),
         ("sideways", 0.0, [0, 1, 0, 0, 0, 0]),
     ):
         body.add_site(name=f"{name}/{side}", pos=[0, y, 0])
         motor = spec.add_actuator(name=f"{name}/{side}", target=f"{name}/{side}", trntype=mujoco.mjtTrn.mjTRN_SITE)
         motor.gear = gear
-        motor.set_to_velocity(kv=PLANAR_SERVO)
+        motor.set_to_velocity(kv=robot.mass_kg / g.BODY_MASS * PLANAR_SERVO)
 
 
-def _add_shell(body: mujoco.MjsBody, number: int, axle: float) -> None:
+def _add_shell(body: mujoco.MjsBody, number: int, axle: float, robot: RobotConfig) -> None:
     """Add the collision sphere and the visible parts, with the axle at the given height of the body frame."""
     name = f"robot{number}"
-    _sphere(body, f"{name}/bumper", g.BODY_RADIUS, [0, 0, axle], contype=_BODY, conaffinity=_BODY, condim=1)
+    _sphere(body, f"{name}/bumper", robot.body_radius_m, [0, 0, axle], contype=_BODY, conaffinity=_BODY, condim=1)
     colour = list(COLOURS[0] if number == 0 else COLOURS[1])
-    half = (g.BODY_HEIGHT - 0.004) / 2
+    half = (robot.body_height_m - 0.004) / 2
     seen = {"contype": 0, "conaffinity": 0, "mass": 0, "group": 1}
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
     body.add_geom(
-        name=f"{name}/shell", type=cylinder, size=[g.BODY_RADIUS, half, 0],
-        pos=[0, 0, axle - g.WHEEL_RADIUS + 0.004 + half], rgba=colour, **seen,
+        name=f"{name}/shell", type=cylinder, size=[robot.body_radius_m, half, 0],
+        pos=[0, 0, axle - robot.wheel_radius_m + 0.004 + half], rgba=colour, **seen,
     )  # fmt: skip
-    top = axle - g.WHEEL_RADIUS + g.BODY_HEIGHT
+    top = axle - robot.wheel_radius_m + robot.body_height_m
+    size = robot.size
     body.add_geom(
-        name=f"{name}/nose", type=box, size=[0.012, 0.003, 0.002], pos=[0.020, 0, top + 0.002],
+        name=f"{name}/nose", type=box, size=[size * 0.012, size * 0.003, size * 0.002], pos=[size * 0.020, 0, top + size * 0.002],
         rgba=[0.98, 0.95, 0.85, 1], **seen,
     )  # fmt: skip
-    for side, y in (("left", g.TRACK / 2), ("right", -g.TRACK / 2)):
+    for side, y in (("left", robot.track_m / 2), ("right", -robot.track_m / 2)):
         body.add_geom(
-            name=f"{name}/{side}_disc", type=cylinder, size=[g.WHEEL_RADIUS, 0.0015, 0], pos=[0, y * 1.32, axle],
+            name=f"{name}/{side}_disc", type=cylinder, size=[robot.wheel_radius_m, size * 0.0015, 0], pos=[0, y * 1.32, axle],
             quat=[math.cos(math.pi / 4), math.sin(math.pi / 4), 0, 0], rgba=[0.2, 0.2, 0.2, 1], **seen,
         )  # fmt: skip

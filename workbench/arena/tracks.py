@@ -20,7 +20,7 @@ Contract: a Track is immutable; positions are in metres, arc length s runs along
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,14 +39,14 @@ class TrackConfig:
     """The line on the floor."""
 
     shape: str = choice(("circle", "stadium", "eight"), "form of the nominal loop", default="circle")
-    radius_m: float = real(0.15, 5.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5)
+    radius_m: float = real(0.15, 50.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5)
     direction: str = choice(("clockwise", "anticlockwise"), "driving direction (of the eight's first lobe)", default="clockwise")
     judder: str = choice(("spectrum", "replan", "none"), "how the line deviates from the nominal loop", default="spectrum")
-    judder_rms_m: float = real(0.0, 0.02, "m", "RMS lateral offset of the line", default=0.004)
+    judder_rms_m: float = real(0.0, 0.2, "m", "RMS lateral offset of the line", default=0.004)
     wavelengths_m: tuple[float, float] = reals(
-        0.05, 2.0, "m", "shortest and longest wavelength of the judder", default=(0.1, 0.3)
+        0.05, 20.0, "m", "shortest and longest wavelength of the judder", default=(0.1, 0.3)
     )
-    line_width_m: float = real(0.008, 0.05, "m", "width of the black line", default=0.015)
+    line_width_m: float = real(0.008, 0.5, "m", "width of the black line", default=0.015)
 
     def _check(self) -> None:
         short, long = self.wavelengths_m
@@ -54,6 +54,14 @@ class TrackConfig:
             raise ValueError(
                 f"TrackConfig.wavelengths_m = {self.wavelengths_m!r}; expected (shortest, longest) with shortest < longest"
             )
+
+    def scaled(self, factor: float) -> "TrackConfig":
+        """Return the same track with all lengths times a factor."""
+        short, long = self.wavelengths_m
+        return replace(
+            self, radius_m=factor * self.radius_m, judder_rms_m=factor * self.judder_rms_m,
+            wavelengths_m=(factor * short, factor * long), line_width_m=factor * self.line_width_m,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,19 @@ from workbench.arena.floor import draw_floors
 from workbench.arena.model import ACTUATORS, QPOS, TIMESTEP, build_model
 from workbench.arena.tracks import Track
 from workbench.compiled import compiled
-from workbench.robot.geometry import CONTROL_PERIOD, STEP, WHEEL_RADIUS
-from workbench.robot.motors import RADIANS_PER_STEP, motor_speed
+from workbench.robot.description import EPUCK, RobotConfig
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.motors import wheel_speed
+
+# what commands become: whether wheels turn, rad (wheels) or m (planar) per step, steps/s at most, the timer's ticks per second
+MOTORS = np.dtype([("wheels", "i8"), ("per_step", "f8"), ("most", "i8"), ("ticks", "i8")])
+
+
+def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
+    """Return the fields of MOTORS for a robot and a drive."""
+    wheels = drive == "wheels"
+    per_step = 2 * math.pi / robot.steps_per_turn if wheels else robot.step_m
+    return {"wheels": wheels, "per_step": per_step, "most": robot.most_steps, "ticks": robot.timer_hz}
 
 
 @compiled
@@ -46,14 +57,19 @@ def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float,
 
 
 @compiled
-def write_command(ctrl: Any, robot: int, wheels: bool, left: int, right: int) -> None:
-    """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the firmware's quantisation."""
-    if wheels:
-        ctrl[2 * robot] = motor_speed(left) * RADIANS_PER_STEP
-        ctrl[2 * robot + 1] = motor_speed(right) * RADIANS_PER_STEP
-    else:
-        ctrl[3 * robot] = motor_speed(left) * STEP
-        ctrl[3 * robot + 1] = motor_speed(right) * STEP
+def write_command(ctrl: Any, motors: Any, robot: int, left: int, right: int) -> None:
+    """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the firmware's quantisation.
+
+    ``motors`` has ``wheels``, ``per_step`` (rad on wheels, m planar), ``most`` and ``ticks``: a record of type MOTORS or TASK.
+    """
+    k = 2 * robot if motors.wheels else 3 * robot
+    ctrl[k] = wheel_speed(left, motors.most, motors.ticks) * motors.per_step
+    ctrl[k + 1] = wheel_speed(right, motors.most, motors.ticks) * motors.per_step
+
+
+@compiled
+def _write(ctrl: Any, motors: Any, robot: int, left: int, right: int) -> None:
+    write_command(ctrl, motors[0], robot, left, right)
 
 
 class World:
@@ -65,10 +81,12 @@ class World:
         drive: "wheels" or "planar".
         spacing_m: distance between neighbours at the start.
         line_width_m: width of the black line.
+        robot: what the robots are; default the e-puck.
         furnish: adds what else stands in the arena to the model's specification, see ``arena.proximity.add_box``.
         threads: MuJoCo's threads; 0 takes one per formation, at most one per core.
 
     Attributes:
+        robot: the description of the robots.
         model, batch: MuJoCo's own objects, open to every use.
         qpos, ctrl: live (B, nq) and (B, nu) views.
         states: live (B, nstate) rows that hold the whole physics.
@@ -83,10 +101,14 @@ class World:
         drive: str,
         spacing_m: float,
         line_width_m: float = 0.015,
+        robot: RobotConfig = EPUCK,
         threads: int = 0,
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
-        self.model = build_model(followers + 1, drive, furnish)
+        self.model = build_model(followers + 1, drive, furnish, robot)
+        self.robot, self._motors = robot, np.zeros(1, MOTORS)
+        for name, value in motors_of(robot, drive).items():
+            self._motors[name] = value
         self.drive, self.wheels = drive, drive == "wheels"
         self.robots = followers + 1
         self.tracks = tracks
@@ -130,7 +152,7 @@ class World:
 
     def command(self, formation: int, robot: int, left: int, right: int) -> None:
         """Set a robot's wheel speeds in whole steps/s (robot 0 leads)."""
-        write_command(self.ctrl[formation], robot, self.wheels, left, right)
+        _write(self.ctrl[formation], self._motors, robot, left, right)
 
     def pose(self, formation: int, robot: int) -> tuple[float, float, float]:
         """Return a robot's x, y in m and heading in rad."""
@@ -142,7 +164,7 @@ class World:
         width = QPOS[self.drive]
         row = self.qpos[formation, width * robot : width * (robot + 1)]
         if self.wheels:
-            row[:] = (x, y, WHEEL_RADIUS, math.cos(heading / 2), 0, 0, math.sin(heading / 2), 0, 0)
+            row[:] = (x, y, self.robot.wheel_radius_m, math.cos(heading / 2), 0, 0, math.sin(heading / 2), 0, 0)
         else:
             row[:] = (x, y, heading)
         dofs = self.model.nv // self.robots

@@ -56,7 +56,7 @@ def drive_body(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, 
         for k in range(task.command_delay):
             robot.queue[k, 0], left = left, robot.queue[k, 0]
             robot.queue[k, 1], right = right, robot.queue[k, 1]
-    write_command(ctrl, i, task.wheels, left, right)
+    write_command(ctrl, task, i, left, right)
     k = 2 * i if task.wheels else 3 * i
     mean, half = (ctrl[k] + ctrl[k + 1]) / 2, (ctrl[k + 1] - ctrl[k]) / 2
     ctrl[k] = robot.wheel * (mean - half / robot.axle) * (1.0 - min(task.slip * abs(z_left), 1.0))

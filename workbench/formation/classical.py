@@ -34,7 +34,6 @@ from workbench.fields import configuration, integer, real
 from workbench.formation import steering
 from workbench.formation.config import SENSING, ConvoyConfig
 from workbench.formation.policy import Policy
-from workbench.robot.geometry import STEP, TRACK
 
 SCHEMA = 1
 
@@ -159,6 +158,15 @@ class PathReconstruction(ControlLaw):
     half_window: int = integer(1, 100, "breadcrumbs", "fitted on each side of the reference point", default=8)
 
 
+@configuration
+class Outside(ControlLaw):
+    """No law: followers do what they are told from outside, period by period (``Convoy.command_all``)."""
+
+    name: ClassVar[str] = "outside"
+    number: ClassVar[int] = steering.OUTSIDE
+    needs: ClassVar[tuple[str, ...]] = ()
+
+
 LAWS: dict[str, type[ControlLaw]] = {law.name: law for law in (CarrotPI, LeaderFrame, LPsi, PurePursuit, PathReconstruction)}
 Controller = Policy | ControlLaw
 
@@ -201,6 +209,6 @@ def quantised_carrot(config: ConvoyConfig, *, k_distance: float = 2.0, k_bearing
     left, right = (levels.astype(float) for levels in config.levels())
     rows = np.array([grid.centre(cell) for grid in config.grids() for cell in range(grid.n)])  # (rows, 2): e_d in m, φ in rad
     v, omega = config.leader_speed_mps + k_distance * rows[:, 0], k_bearing * rows[:, 1]
-    wanted = np.stack([v - omega * TRACK / 2, v + omega * TRACK / 2], axis=1) / STEP
+    wanted = np.stack([v - omega * config.robot.track_m / 2, v + omega * config.robot.track_m / 2], axis=1) / config.robot.step_m
     gap = (wanted[:, 0, None, None] - left[:, None]) ** 2 + (wanted[:, 1, None, None] - right[None, :]) ** 2
     return Policy.of(config, -gap.reshape(1, config.rows, config.actions))

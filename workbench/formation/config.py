@@ -12,14 +12,14 @@ from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
 from workbench.formation.body import BodyConfig
 from workbench.formation.readings import reading_tilings
-from workbench.formation.reward import PRESETS
+from workbench.formation.reward import OWN, PRESETS
 from workbench.learning.config import LearnerConfig
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
+from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import MODULES
 from workbench.robot.infrared import InfraredConfig, front_pair
 from workbench.robot.inversion import DISTANCES, WIDEST
-from workbench.robot.motors import MAX_STEPS, speed_from_steps, steps_from_speed
 
 TILINGS = ("uniform", "logarithmic")
 MAX_TILINGS = 8
@@ -35,7 +35,7 @@ SENSING = {
 }
 CAMERA = ("camera", "pixels")
 INFRARED = ("ir-metric", "ir-raw")
-V_MAX = speed_from_steps(MAX_STEPS)
+FASTEST = 10.0  # m/s, of any robot
 
 
 @configuration
@@ -48,6 +48,7 @@ class ConvoyConfig:
 
     followers: int = integer(1, 256, "", "robots behind the leader", default=4)
     drive: str = choice(DRIVES, "fidelity of the simulated robot", default="wheels")
+    robot: RobotConfig = part(RobotConfig, "sizes, masses and motors of the robots", default=EPUCK)
     sensing: str = choice(
         tuple(SENSING),
         "where the errors come from: truth reads the simulator's poses; truth-relative only distance and bearing of them; "
@@ -69,24 +70,24 @@ class ConvoyConfig:
         "whether the leader has learned black and white from its own sensors; otherwise it takes them for those of module a",
         default=True,
     )
-    leader_speed_mps: float = real(0.005, 0.12, "m/s", "constant speed of the leader", default=0.06)
+    leader_speed_mps: float = real(0.005, FASTEST, "m/s", "constant speed of the leader", default=0.06)
     distance_m: tuple[float, float] = reals(
-        0.0701, 1.0, "m", "terminal distances between centres; d* is the middle", default=(0.08, 0.22)
+        0.0201, 20.0, "m", "terminal distances between centres; d* is the middle", default=(0.08, 0.22)
     )
     bearing_limit_rad: float = real(0.05, math.pi, "rad", "terminal bearing on both sides", default=math.pi / 4)
     state_tiles: tuple[int, int] = integers(1, 64, "", "cells of distance and bearing", default=(9, 9))
     distance_tiling: str = choice(TILINGS, "spacing of the distance cells", default="uniform")
     bearing_tiling: str = choice(TILINGS, "spacing of the bearing cells", default="uniform")
     tilings: int = integer(1, MAX_TILINGS, "", "offset tilings of the state, a power of two; the paper has one", default=1)
-    inner_distance_m: float = real(1e-4, 0.5, "m", "half width of the middle distance cell (logarithmic)", default=0.003)
+    inner_distance_m: float = real(1e-4, 5.0, "m", "half width of the middle distance cell (logarithmic)", default=0.003)
     inner_bearing_rad: float = real(
         1e-3, 3.0, "rad", "half width of the middle bearing cell (logarithmic)", default=math.radians(2)
     )
     action_levels: tuple[int, int] = integers(1, 64, "", "speed levels of the left and the right wheel", default=(7, 7))
     wheel_speed_mps: tuple[float, float] = reals(
-        -V_MAX, V_MAX, "m/s", "slowest and fastest level of a wheel", default=(0.03, 0.09)
+        -FASTEST, FASTEST, "m/s", "slowest and fastest level of a wheel", default=(0.03, 0.09)
     )
-    reward: str = choice(PRESETS, "reward preset, all of them ours", default="quadratic")
+    reward: str = choice((*PRESETS, OWN), "reward preset, all ours; own: a function, see learn(reward=…)", default="quadratic")
     terminal_factor: float = real(1.0, 1000.0, "", "terminal reward in units of the worst step reward / (1 - γ)", default=1.0)
     reset: str = choice(
         ("manoeuvre", "restart"), "after a loss: drive back (II-C), or restart the simulation", default="manoeuvre"
@@ -115,6 +116,7 @@ class ConvoyConfig:
                 f"ConvoyConfig.leader_speed_mps = {self.leader_speed_mps!r}; followers can only keep pace if it lies "
                 f"within wheel_speed_mps = {self.wheel_speed_mps!r}"
             )
+        self._check_robot()
         if self.sight_m < self.distance_m[1]:
             raise ValueError(
                 f"ConvoyConfig.sight_m = {self.sight_m!r}; expected at least the terminal distance {self.distance_m[1]!r} m: a "
@@ -149,6 +151,25 @@ class ConvoyConfig:
                 f"the time step of the {self.drive!r} drive"
             )
         self.grids()  # refuses an even number of logarithmic cells and inner cells wider than the range
+
+    def _check_robot(self) -> None:
+        robot, most = self.robot, self.robot.most_mps * (1 + 1e-9)
+        if self.distance_m[0] <= 2 * robot.body_radius_m:
+            raise ValueError(
+                f"ConvoyConfig.distance_m = {self.distance_m!r}; two robots touch at {2 * robot.body_radius_m:g} m: "
+                "expected a near bound above that"
+            )
+        if max(abs(speed) for speed in self.wheel_speed_mps) > most:
+            raise ValueError(
+                f"ConvoyConfig.wheel_speed_mps = {self.wheel_speed_mps!r}; expected at most {robot.most_mps:.4f} m/s, "
+                "what this robot's wheels do"
+            )
+        if robot != EPUCK and self.sensing in (*CAMERA, *INFRARED):
+            others = ", ".join(repr(mode) for mode in SENSING if mode not in (*CAMERA, *INFRARED))
+            raise ValueError(
+                f"ConvoyConfig.sensing = {self.sensing!r} with a robot that is no e-puck; markers, readings and what "
+                f"they look at were measured on e-pucks: expected {others} (with noise_distance_m, noise_bearing_rad)"
+            )
 
     def _check_infrared(self) -> None:
         if self.noise_distance_m or self.noise_bearing_rad:
@@ -233,7 +254,7 @@ class ConvoyConfig:
     def levels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the speed levels of the left and right wheel in whole steps/s, slowest first."""
         left, right = (
-            np.array([steps_from_speed(float(v)) for v in np.linspace(*self.wheel_speed_mps, count)], dtype=np.int64)
+            np.array([self.robot.steps(float(v)) for v in np.linspace(*self.wheel_speed_mps, count)], dtype=np.int64)
             for count in self.action_levels
         )
         return left, right
@@ -243,9 +264,28 @@ class ConvoyConfig:
         """Number of actions, the full product of both wheels' levels."""
         return self.action_levels[0] * self.action_levels[1]
 
+    def with_robot(self, robot: RobotConfig) -> "ConvoyConfig":
+        """Return the same task for another robot: lengths scaled by its body's radius, speeds by its wheels' fastest.
+
+        What is scaled: distances, the track with its judder and line, sight, noise of distances; speeds of leader and wheels.
+        Angles, rewards (in units of the bounds) and the control period stay. ``replace`` sets single values afterwards.
+        """
+        size = robot.body_radius_m / self.robot.body_radius_m
+        pace = robot.most_mps / self.robot.most_mps
+        return replace(
+            self, robot=robot, track=self.track.scaled(size), distance_m=_times(size, self.distance_m),
+            sight_m=size * self.sight_m, inner_distance_m=size * self.inner_distance_m,
+            noise_distance_m=size * self.noise_distance_m,
+            leader_speed_mps=pace * self.leader_speed_mps, wheel_speed_mps=_times(pace, self.wheel_speed_mps),
+        )  # fmt: skip
+
     def with_seed(self, seed: int) -> "ConvoyConfig":
         """Return the same configuration with another seed."""
         return replace(self, seed=seed)
+
+
+def _times(factor: float, pair: tuple[float, float]) -> tuple[float, float]:
+    return factor * pair[0], factor * pair[1]
 
 
 # Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-robot": those for its robots;

@@ -21,9 +21,9 @@ from workbench.formation.follower import LEARNED, LOSS, act, learn
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses import look, sense_proximity
-from workbench.formation.steering import wrap
+from workbench.formation.steering import OUTSIDE, wrap
 from workbench.learning.behaviour import epsilon_at
-from workbench.robot.geometry import CONTROL_PERIOD, GROUND_SENSOR_X, GROUND_SENSOR_Y
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import ground_reading
 from workbench.robot.infrared import SENSORS
 
@@ -104,6 +104,8 @@ def _formation_step(
             task, robot, step, weights[robot.table], trace_ids[i - 1], trace_values[i - 1], distance, bearing,
             epsilon if robot.learns else 0.0, chance[2 + i], formation.updates < formation.budget,
         )  # fmt: skip
+        if task.law == OUTSIDE and robot.phase == FOLLOW:
+            continue
         if task.delayed:  # what has just been learned took time, in which the wheels hold the last command
             _command(task, robot, waiting, i, left, right, chance)
         if not (task.delayed and step.event & LEARNED):
@@ -132,13 +134,27 @@ def _command(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, ch
     if task.body:
         drive_body(task, robot, ctrl, i, left, right, chance[task.body_at + 2 * i], chance[task.body_at + 2 * i + 1])
     else:
-        write_command(ctrl, i, task.wheels, left, right)
+        write_command(ctrl, task, i, left, right)
 
 
 @compiled
 def carry_out(task: Any, robots: Any, ctrl: Any, i: int, left: int, right: int, chance: Any) -> None:
     """Write the command of a robot that somebody else drives into its formation's ctrl row."""
     _command(task[0], robots[i], ctrl, i, left, right, chance)
+
+
+@compiled
+def carry_out_all(task: Any, formations: Any, robots: Any, ctrl: Any, left: Any, right: Any, chance: Any) -> None:
+    """Write the commands (B, followers) from outside of all followers that follow, in formations that are not done."""
+    for b in range(formations.size):
+        if formations[b].done:
+            continue
+        for i in range(1, robots.shape[1]):
+            robot = robots[b, i]
+            if robot.phase == FOLLOW:
+                robot.left, robot.right = left[b, i - 1], right[b, i - 1]
+                robot.ran_left, robot.ran_right = robot.left, robot.right
+                _command(task[0], robot, ctrl[b], i, robot.left, robot.right, chance[b])
 
 
 @compiled
@@ -166,12 +182,12 @@ def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
     left = read_ground(task, floor, leader, 0, noise[0])
     centre = read_ground(task, floor, leader, 1, noise[1])
     right = read_ground(task, floor, leader, 2, noise[2])
-    return follow_line(leader, left, centre, right, task.leader_steps)
+    return follow_line(leader, left, centre, right, task.leader_steps, task.vigour)
 
 
 @compiled
 def read_ground(task: Any, floor: Any, robot: Any, k: int, noise: float) -> float:
     """Return ground sensor k of a robot in counts: 0 left, 1 centre, 2 right; noise is a standard normal number."""
-    x = robot.x + robot.c * GROUND_SENSOR_X - robot.s * GROUND_SENSOR_Y[k]
-    y = robot.y + robot.s * GROUND_SENSOR_X + robot.c * GROUND_SENSOR_Y[k]
+    x = robot.x + robot.c * task.ground_x - robot.s * task.ground_y[k]
+    y = robot.y + robot.s * task.ground_x + robot.c * task.ground_y[k]
     return ground_reading(floor_darkness(floor, task.column0, task.row0, x, y), robot.white[k], robot.black[k], noise)

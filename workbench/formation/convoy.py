@@ -32,10 +32,13 @@ from workbench.formation.camera_sense import Eyes
 from workbench.formation.chance import CHILDREN, children, own_chance
 from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
-from workbench.formation.control import DIVERGED, FORMATION, carry_out, control_step
+from workbench.formation.control import DIVERGED, FORMATION, carry_out, carry_out_all, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
+from workbench.formation.own import OwnReward
 from workbench.formation.reset import FOLLOW
+from workbench.formation.reward import OWN
 from workbench.formation.task import fill_task
+from workbench.formation.weights import first_weights
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
 from workbench.robot.ground import MODULES, WHITE
@@ -57,6 +60,7 @@ class Convoy:
         periods: control periods at most; default for learning: twenty times what undisturbed learning needs.
         policy: (tables, rows, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
         law: a classical law that drives all followers instead of a policy; without learning only.
+        reward: the user's own reward, where the configuration says reward = "own".
         horizon: updates over which schedules are stretched, default ``steps``; a shorter run is then how a longer one begins.
         external: a robot that somebody else drives, period by period (``period``); 0 is the leader.
         furnish: adds walls and boxes to the world; robots bump into them, but only ``SimulatedRobot`` sees them.
@@ -80,6 +84,7 @@ class Convoy:
         periods: int | None = None,
         policy: NDArray[np.float64] | None = None,
         law: ControlLaw | None = None,
+        reward: OwnReward | None = None,
         horizon: int | None = None,
         external: int | None = None,
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
@@ -93,16 +98,21 @@ class Convoy:
             if steps or policy is not None:
                 raise ValueError(f"steps = {steps!r} with law = {law!r}; a law has no weights and does not learn: give periods")
             law.check(config)
+        if (reward is not None) != (config.reward == OWN) and (steps or reward is not None):
+            given = reward.name if reward is not None else None
+            raise ValueError(
+                f"ConvoyConfig.reward = {config.reward!r} with the function {given!r}; give a function with {OWN!r} only"
+            )
         self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
         self._rngs = [children(seed, config.fleet) for seed in seeds]
         tracks = [track_of(config, rng["track"]) for rng in self._rngs]
         self.world = World(
             n, tracks, drive=config.drive, spacing_m=config.middle_m,
-            line_width_m=config.track.line_width_m, threads=threads, furnish=furnish,
+            line_width_m=config.track.line_width_m, robot=config.robot, threads=threads, furnish=furnish,
         )  # fmt: skip
         pairs = config.rows * config.actions
-        self.weights = self._first_weights(count, pairs, policy)
+        self.weights = first_weights(config, count, policy, learning=self._learning)
         empty = new_trace(pairs)
         self._trace_ids = np.tile(np.stack([empty[0], empty[2], empty[0]]), (count, n, 1, 1))
         self._trace_values = np.zeros((count, n, 2, pairs))
@@ -124,14 +134,15 @@ class Convoy:
             self.robots["learns"][:, 1:] = 1
             if config.weights == "first":
                 self.robots["learns"][:, 2:] = 0
-        self.task = fill_task(config, horizon or steps, law)
+        self.task, self._kept = fill_task(config, horizon or steps, law, reward), (law, reward)
         self.task["column0"], self.task["row0"] = self.world.floor.column0, self.world.floor.row0
         if external is not None:
             if not 0 <= external <= n:
                 raise ValueError(f"external = {external!r}; this convoy has robots 0 (the leader) to {n}")
             self.task["external"] = external
+        self.has_sensors = False
         if config.sensing in INFRARED or external is not None:
-            self._fit_sensors()
+            self.fit_sensors()
         # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or normal
         self._draws = [("sensor", 3, False), ("policy", n, True)]
         if config.noisy:
@@ -238,6 +249,24 @@ class Convoy:
         for b in range(len(self.seeds)):
             carry_out(self.task, self.robots[b], self.world.ctrl[b], robot, left, right, self._chance[b, t % BLOCK])
 
+    def command_all(self, left: NDArray[np.int64], right: NDArray[np.int64], t: int) -> None:
+        """Tell all followers that are driven from outside (law ``Outside``) their wheel speeds for period t.
+
+        Args:
+            left, right: (B, followers) steps/s; those of a follower that is driving back are ignored.
+        """
+        carry_out_all(self.task, self._formations, self.robots, self.world.ctrl, left, right, self._chance[:, t % BLOCK])
+
+    def begin_again(self, formation: int) -> None:
+        """Let all followers of a formation that was put somewhere else begin a new episode there."""
+        robots = self.robots[formation]
+        self._waiting[formation] = 0
+        robots["pc"] = robots["ps"] = 0.0  # what was measured of the last period is void
+        robots["tracked"] = robots["queue"] = robots["heard"] = 0
+        for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
+            begin_episode(robot, ids)
+            robot["phase"], robot["timer"] = FOLLOW, 0
+
     def _draw(self) -> None:
         """Draw the chance of one block."""
         for b, rng in enumerate(self._rngs):
@@ -309,8 +338,9 @@ class Convoy:
                 poses = np.array([self.world.pose(b, robot) for robot in range(self.world.robots)])
                 eyes.look(int(self._formations[b]["periods"]), self.robots[b], poses, self._sights[b])
 
-    def _fit_sensors(self) -> None:
-        """Give every robot infrared sensors of its own, and let it calibrate them."""
+    def fit_sensors(self) -> None:
+        """Give every robot infrared sensors of its own, and let it calibrate them; once, where nothing has done so."""
+        self.has_sensors = True
         infrared = self.config.infrared
         for robots, rng, seed in zip(self.robots, self._rngs, self.seeds, strict=True):
             for number, robot in enumerate(robots):
@@ -334,45 +364,10 @@ class Convoy:
             raise FloatingPointError("a temporal-difference error is not finite; lower the step sizes")
         for b in np.flatnonzero(self._formations["restart"]).tolist():
             self.world.restart(b)
-            self._waiting[b] = 0
             self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
             self.robots[b, 0]["memory"], self.robots[b, 0]["timer"] = self._first_memory, 0
-            self.robots[b]["pc"] = self.robots[b]["ps"] = 0.0  # what was measured of the last period is void
-            self.robots[b]["tracked"] = self.robots[b]["queue"] = self.robots[b]["heard"] = 0
-            for robot, ids in zip(self.robots[b, 1:], self._trace_ids[b], strict=True):
-                begin_episode(robot, ids)
-                robot["phase"], robot["timer"] = FOLLOW, 0
+            self.begin_again(b)
         self._formations["restart"] = 0
-
-    def _first_weights(self, count: int, pairs: int, policy: NDArray[np.float64] | None) -> NDArray[np.float64]:
-        config = self.config
-        tables = config.followers if config.weights == "own" else 1
-        if policy is None:
-            weights = np.zeros((count, tables, 2, pairs))
-            weights[:, :, 0] = config.learner.theta0 / config.tilings
-            return weights
-        given = np.asarray(policy, dtype=np.float64)
-        if given.ndim == 3:
-            given = np.repeat(given[None], count, axis=0)
-        expected = (config.rows, config.actions)
-        if given.ndim != 4 or given.shape[::2] != (count, expected[0]) or given.shape[3] != expected[1]:
-            raise ValueError(
-                f"policy has shape {np.shape(policy)}; this convoy needs (tables, {expected[0]} rows, {expected[1]} actions), "
-                f"or one such array for each of {count} seeds"
-            )
-        if self._learning and tables == 1 and given.shape[1] != 1:
-            raise ValueError(
-                f"policy has {given.shape[1]} tables and weights = {config.weights!r} learns one; give a policy of one table"
-            )
-        if given.shape[1] not in (1, config.followers):
-            raise ValueError(f"policy has {given.shape[1]} tables; expected 1, or one for each of {config.followers} followers")
-        if not np.all(np.isfinite(given)):
-            raise ValueError("policy holds weights that are not finite; it cannot be followed")
-        if given.shape[1] == 1 and tables > 1:
-            given = np.repeat(given, tables, axis=1)
-        weights = np.zeros((count, given.shape[1], 2, pairs))
-        weights[:, :, 0] = given.reshape(count, given.shape[1], pairs)
-        return weights
 
 
 def _release(ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: NDArray[np.int64] | None) -> None:
@@ -383,12 +378,17 @@ def _release(ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: N
         ctrl[running] = waiting[running]
 
 
+def world_of(config: ConvoyConfig) -> World:
+    """Return a world of one formation on its own track, lined up."""
+    return World(
+        config.followers, [track_of(config)], drive=config.drive, spacing_m=config.middle_m,
+        line_width_m=config.track.line_width_m, robot=config.robot,
+    )  # fmt: skip
+
+
 def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
-    """Return a world of one formation on its own track, with the robots where one row of step records (STEP) has them."""
-    track = track_of(config)
-    world = World(
-        config.followers, [track], drive=config.drive, spacing_m=config.middle_m, line_width_m=config.track.line_width_m
-    )
+    """Return ``world_of`` a configuration with the robots where one row of step records (STEP) has them."""
+    world = world_of(config)
     for robot, pose in enumerate(poses):
         world.place(0, robot, float(pose["x"]), float(pose["y"]), float(pose["heading"]))
     return world

@@ -26,6 +26,7 @@ from workbench.formation.chance import children
 from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
 from workbench.formation.policy import Policy
+from workbench.formation.reward import OWN
 from workbench.formation.senses import look
 from workbench.formation.task import fill_task
 from workbench.learning.behaviour import epsilon_at
@@ -76,6 +77,8 @@ class SoloFollower:
             raise ValueError("a follower without a policy has to learn; give policy= or steps=")
         if policy is not None:
             policy.check(config)
+        if steps and config.reward == OWN:
+            raise ValueError(f"ConvoyConfig.reward = {OWN!r} with steps = {steps!r}; a function can only be given to learn()")
         self.config, self.steps, self.updates = config, steps, 0
         self._task = fill_task(config, steps)
         pairs = config.rows * config.actions

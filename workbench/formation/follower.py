@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.compiled import call_at, compiled
 from workbench.formation.body import LONGEST_DELAY
 from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
@@ -43,6 +43,7 @@ TASK = np.dtype(
         ("left_steps", "i8", (MAX_TILES,)), ("right_steps", "i8", (MAX_TILES,)),  # steps/s of each action level
         ("middle", "f8"), ("half_range", "f8"), ("limit", "f8"), ("sight", "f8"),  # m, m, rad, m
         ("preset", "i8"), ("terminal_reward", "f8"),
+        ("own_reward", "i8"), ("own_speed", "i8"), ("own_turn", "i8"),  # addresses of the user's functions, see formation.own
         ("rule", "i8"), ("alpha", "f8"), ("beta", "f8"), ("gamma", "f8"), ("lam", "f8"), ("cutoff", "f8"), ("kappa", "f8"),
         ("buffer", "i8"),
         ("schedule", "i8"), ("epsilon", "f8"), ("epsilon_final", "f8"), ("epsilon_horizon", "f8"),
@@ -61,6 +62,10 @@ TASK = np.dtype(
         ("raw_middle", "f8"), ("raw_near", "f8"), ("raw_far", "f8"), ("raw_side", "f8"),
         ("ir_table", "f8", (2, NODES, NODES)),
         # bodies and link, see formation.body: whether there is anything; share of speed; periods; share; columns of chance
+        # the robot, see arena.world and formation.reset: rad or m per step; steps/s; ticks; m per step and between wheels; speed
+        # against an e-puck's; searching; ground sensors
+        ("per_step", "f8"), ("most", "i8"), ("ticks", "i8"), ("step_m", "f8"), ("track_m", "f8"), ("vigour", "f8"),
+        ("search_speed", "i8"), ("search_periods", "i8"), ("deadbeat", "f8"), ("ground_x", "f8"), ("ground_y", "f8", (3,)),
         ("body", "i8"), ("slip", "f8"), ("command_delay", "i8"), ("silence", "f8"), ("body_at", "i8"), ("haste", "f8"),
     ],
     align=True,
@@ -209,9 +214,13 @@ def sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
 def reward_at(task: Any, follower: Any, e_d: float, o_err: float) -> float:
     """Return the reward of a step that ends inside the bounds, at errors in m and rad or at the readings in the record."""
     if task.raw:
-        far, aside = raw_errors(task, follower)
-        return step_reward(task.preset, far, aside)
-    return step_reward(task.preset, e_d / task.half_range, o_err / task.limit)
+        u, v = raw_errors(task, follower)
+    else:
+        u, v = e_d / task.half_range, o_err / task.limit
+    if task.own_reward:
+        own: float = call_at(task.own_reward, u, v)
+        return own
+    return step_reward(task.preset, u, v)
 
 
 @compiled
@@ -269,10 +278,7 @@ def _choose(
     e_d = distance - task.middle
     if follower.phase != FOLLOW:
         before = follower.phase
-        left, right = manoeuvre(
-            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared,
-            task.haste,
-        )  # fmt: skip
+        left, right = manoeuvre(task, follower, distance, bearing)
         if follower.phase != FOLLOW:
             if follower.phase == SEARCH and before != SEARCH:
                 step.event |= TIMED_OUT
@@ -293,10 +299,7 @@ def _choose(
         follower.state = -1
         begin_reset(follower, distance, task.middle - task.half_range)
         step.phase = follower.phase
-        left, right = manoeuvre(
-            follower, distance, bearing, task.middle, task.half_range, task.limit, task.sight, task.infrared,
-            task.haste,
-        )  # fmt: skip
+        left, right = manoeuvre(task, follower, distance, bearing)
         return left, right, finite
     step.phase = FOLLOW
     if task.law:

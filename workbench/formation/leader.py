@@ -15,15 +15,18 @@ from workbench.compiled import compiled
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import darkness
 
-GAIN = 170.0  # steps/s of each wheel per unit of darkness difference; our choice
-LOST_TURN = 250.0  # steps/s of each wheel while no sensor sees the line
+GAIN = 170.0  # steps/s of each wheel per unit of darkness difference, of an e-puck; our choice
+LOST_TURN = 250.0  # steps/s of each wheel while no sensor sees the line, of an e-puck
 GONE = round(2.0 / CONTROL_PERIOD)  # control periods
 VISIBLE = 0.1  # darkness above which a sensor sees the line
 
 
 @compiled
-def follow_line(leader: Any, left: float, centre: float, right: float, speed: float) -> tuple[int, int]:
-    """Return wheel commands in whole steps/s for three ground readings in counts and a forward speed in steps/s."""
+def follow_line(leader: Any, left: float, centre: float, right: float, speed: float, vigour: float) -> tuple[int, int]:
+    """Return wheel commands in whole steps/s for three ground readings in counts and a forward speed in steps/s.
+
+    ``vigour`` is the robot's fastest command against an e-puck's: turns are made with the same share of it.
+    """
     white, black = leader.knows_white, leader.knows_black
     dark_left, dark_right = darkness(left, white[0], black[0]), darkness(right, white[2], black[2])
     dark_centre = darkness(centre, white[1], black[1])
@@ -32,10 +35,10 @@ def follow_line(leader: Any, left: float, centre: float, right: float, speed: fl
         leader.timer += 1
         if leader.timer > GONE:
             return 0, 0
-        steer = LOST_TURN * leader.memory
+        steer = vigour * LOST_TURN * leader.memory
     else:
         leader.timer = 0
-        steer = GAIN * side
+        steer = vigour * GAIN * side
         if abs(side) > VISIBLE:
             leader.memory = 1.0 if side > 0 else -1.0
     return int(round(speed - steer)), int(round(speed + steer))

@@ -23,19 +23,30 @@ import math
 from typing import Any
 
 from workbench.compiled import compiled
-from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
-from workbench.robot.motors import MAX_STEPS
+from workbench.robot.description import EPUCK, RobotConfig
+from workbench.robot.geometry import CONTROL_PERIOD
 
 FOLLOW, BACK_OFF, TURN, APPROACH, SEARCH, LOST = range(6)
 PHASES = ("follow", "back off", "turn", "approach", "search", "lost")
 
 TOLERANCE = math.radians(10)  # bearing at which turning is done
 TIME_OUT = round(5.0 / CONTROL_PERIOD)  # control periods
-SEARCH_SPEED = 300  # steps/s of each wheel, opposed: 1.46 rad/s
-SEARCH_PERIODS = math.ceil(2 * math.pi / (2 * SEARCH_SPEED * STEP / TRACK) / CONTROL_PERIOD)
+SEARCH_SPEED = 300  # steps/s of each wheel of an e-puck, opposed: 1.46 rad/s
 DRIVE_ON_PERIODS = round(6.0 / CONTROL_PERIOD)
-_DRIVE_ON, _SWING, _HALF_SWING = 650, 350, 6  # steps/s, steps/s, control periods
-_DEADBEAT = TRACK / 2 / CONTROL_PERIOD / STEP  # steps/s per rad: turns by a bearing in one control period
+_DRIVE_ON, _SWING, _HALF_SWING = 650, 350, 6  # steps/s, steps/s (of an e-puck), control periods
+
+
+def search_numbers(robot: RobotConfig) -> dict[str, float]:
+    """Return how a robot searches, as fields of TASK: steps/s, control periods of one turn, steps/s per rad.
+
+    With ``deadbeat`` it turns by a bearing in one control period.
+    """
+    speed = round(SEARCH_SPEED * robot.most_steps / EPUCK.most_steps)
+    turn = 2 * speed * robot.step_m / robot.track_m
+    return {
+        "search_speed": speed, "search_periods": math.ceil(2 * math.pi / turn / CONTROL_PERIOD),
+        "deadbeat": robot.track_m / 2 / CONTROL_PERIOD / robot.step_m,
+    }  # fmt: skip
 
 
 @compiled
@@ -46,70 +57,66 @@ def begin_reset(follower: Any, distance: float, near: float) -> None:
 
 
 @compiled
-def manoeuvre(
-    follower: Any, distance: float, bearing: float, middle: float, half_range: float, limit: float, sight: float,
-    own_senses: int, haste: float,
-) -> tuple[int, int]:  # fmt: skip
+def manoeuvre(task: Any, follower: Any, distance: float, bearing: float) -> tuple[int, int]:
     """Advance the state machine by one control period and return the wheel commands in steps/s.
 
     Args:
+        task: TASK record: d* ``middle`` and ``half_range`` in m, terminal bearing ``limit`` in rad, ``sight`` in m; ``infrared``
+            where the robot has only its own senses to search with, see ``drive_on``; ``haste``, what share of a bearing it turns
+            away per control period: 1, less where its commands are known to come late; and what the robot is.
         follower: record with ``phase`` and ``timer``, which are updated; phase FOLLOW means: start a new episode now.
         distance, bearing: of the predecessor, m and rad.
-        middle, half_range: d* and (d_max - d_min) / 2 in m.
-        limit: terminal bearing in rad.
-        sight: distance in m beyond which the predecessor is out of sight.
-        own_senses: 1 where the robot has only its own infrared to search with, see ``drive_on``.
-        haste: what share of a bearing it turns away per control period: 1, less where its commands are known to come late.
     """
-    seen = distance <= sight
-    error = distance - middle
+    half_range, most, search = task.half_range, task.most, task.search_speed
+    seen = distance <= task.sight
+    error = distance - task.middle
     follower.timer += 1
     if follower.phase == LOST or follower.phase == SEARCH:
         if seen:
-            begin_reset(follower, distance, middle - half_range / 3)
-        elif follower.phase == LOST or follower.timer > (DRIVE_ON_PERIODS if own_senses else SEARCH_PERIODS):
+            begin_reset(follower, distance, task.middle - half_range / 3)
+        elif follower.phase == LOST or follower.timer > (DRIVE_ON_PERIODS if task.infrared else task.search_periods):
             follower.phase = LOST
             return 0, 0
-        elif own_senses:
-            return drive_on(follower.timer, bearing, haste)
+        elif task.infrared:
+            return drive_on(task, follower.timer, bearing)
         else:
-            return -SEARCH_SPEED, SEARCH_SPEED
-    if abs(error) < half_range / 3 and abs(bearing) < limit:
+            return -search, search
+    if abs(error) < half_range / 3 and abs(bearing) < task.limit:
         follower.phase = FOLLOW
         return 0, 0
     if not seen or follower.timer > TIME_OUT:
         follower.phase = SEARCH
         follower.timer = 0
-        if own_senses:
-            return drive_on(0, bearing, haste)
-        return -SEARCH_SPEED, SEARCH_SPEED
-    away = -MAX_STEPS if abs(bearing) < math.pi / 2 else MAX_STEPS
+        if task.infrared:
+            return drive_on(task, 0, bearing)
+        return -search, search
+    away = -most if abs(bearing) < math.pi / 2 else most
     if follower.phase == BACK_OFF and error < 0:
         return away, away
     if follower.phase == APPROACH and abs(bearing) < 2 * TOLERANCE and error > 0:
-        return MAX_STEPS, MAX_STEPS
+        return most, most
     if abs(bearing) >= TOLERANCE:
         follower.phase = TURN
-        return _turn_to(bearing * haste)
+        return _turn_to(task, bearing)
     if error > 0:
         follower.phase = APPROACH
-        return MAX_STEPS, MAX_STEPS
+        return most, most
     follower.phase = BACK_OFF
     return away, away
 
 
 @compiled
-def _turn_to(bearing: float) -> tuple[int, int]:
-    turn = int(max(-MAX_STEPS, min(MAX_STEPS, round(bearing * _DEADBEAT))))
+def _turn_to(task: Any, bearing: float) -> tuple[int, int]:
+    turn = int(max(-task.most, min(task.most, round(bearing * task.haste * task.deadbeat))))
     return -turn, turn
 
 
 @compiled
-def drive_on(timer: int, sought: float, haste: float) -> tuple[int, int]:
+def drive_on(task: Any, timer: int, sought: float) -> tuple[int, int]:
     """Return commands of the search with own senses: to where the predecessor was seen last, then on, swinging."""
     if timer < _HALF_SWING and abs(sought) >= TOLERANCE:
-        return _turn_to(sought * haste)
+        return _turn_to(task, sought)
     if timer < 2 * _HALF_SWING:
-        return MAX_STEPS, MAX_STEPS
+        return task.most, task.most
     swing = _SWING if (timer + _HALF_SWING // 2) // _HALF_SWING % 2 else -_SWING
     return _DRIVE_ON - swing, _DRIVE_ON + swing

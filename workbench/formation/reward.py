@@ -11,15 +11,18 @@ Losing the leader must never pay. The terminal reward is ``factor`` times the wo
 factor >= 1 no sum of discounted step rewards is worse than losing. Where step rewards are never negative, the worst is 0
 and so is the terminal reward: ending forgoes everything that would follow.
 
->>> terminal_reward("quadratic", 0.8, 1.0)
+>>> terminal_reward(worst_step_reward("quadratic"), 0.8, 1.0)
 -10.0
 >>> round(step_reward(PRESETS.index("quadratic"), 0.5, -0.5), 2)
 -0.5
 """
 
+import math
+
 from workbench.compiled import compiled
 
 PRESETS = ("quadratic", "absolute", "distance", "alive")
+OWN = "own"  # a function of the user's, see formation.own
 _WORST = {"quadratic": -2.0, "absolute": -2.0, "distance": -1.0, "alive": 0.0}
 
 
@@ -32,12 +35,14 @@ def step_reward(preset: int, u: float, v: float) -> float:
         return -(abs(u) + abs(v))
     if preset == 2:
         return -u * u
-    return 1.0 - (u * u + v * v) / 2.0
+    if preset == 3:
+        return 1.0 - (u * u + v * v) / 2.0
+    return math.nan  # the user's own, where its function was not given
 
 
-def terminal_reward(preset: str, gamma: float, factor: float) -> float:
-    """Return the reward of losing the leader: factor times the worst step reward over (1 - γ)."""
-    return round(factor * _WORST[preset] / (1.0 - gamma), 12) + 0.0
+def terminal_reward(worst: float, gamma: float, factor: float) -> float:
+    """Return the reward of losing the leader: factor times the worst step reward, if that is negative, over (1 - γ)."""
+    return round(factor * min(worst, 0.0) / (1.0 - gamma), 12) + 0.0
 
 
 def worst_step_reward(preset: str) -> float:

@@ -39,11 +39,12 @@ from workbench.robot.api import SENSORS, Robot
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import SENSORS as RING_SENSORS
 from workbench.robot.infrared import calibrate, raw_reading
-from workbench.robot.motors import motor_speed
+from workbench.robot.motors import wheel_speed
 
 
 @compiled
-def _sense(task: Any, robots: Any, i: int, noise: Any) -> None:
+def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
+    """Read the proximity sensors of robot i, see ``formation.senses.sense_proximity``; ``task`` is (1,)."""
     sense_proximity(task[0], robots, i, noise)
 
 
@@ -59,7 +60,8 @@ class SimulatedRobot(Robot):
         config: the convoy; its seed too.
         debug: print every command.
         robot: which robot is driven; 0 is the leader.
-        others: what the other followers follow, a policy or a classical law; default a carrot.
+        others: what the other followers follow, a policy or a classical law; default a carrot, or θ₀ where they learn.
+        learn: updates over which the others' exploration schedule runs while they learn on; 0: they do not learn.
         realtime: whether a step takes as long as it simulates.
         furnish, reflectance: walls and boxes, see ``arena.proximity``; with them this robot's infrared is cast by rays.
     """
@@ -73,6 +75,7 @@ class SimulatedRobot(Robot):
         *,
         robot: int = 1,
         others: Controller | None = None,
+        learn: int = 0,
         realtime: bool = False,
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
         reflectance: Mapping[str, float] | None = None,
@@ -87,25 +90,31 @@ class SimulatedRobot(Robot):
             others.check(self.config)
         if not 0 <= robot <= self.config.followers:
             raise ValueError(f"robot = {robot!r}; this convoy has robots 0 (the leader) to {self.config.followers}")
-        self.robot, self._others = robot, others
+        if learn < 0 or (learn and isinstance(others, ControlLaw)):
+            raise ValueError(
+                f"learn = {learn!r} with others = {others!r}; expected 0 or more updates, and no law where they learn"
+            )
+        self.robot, self._others, self._learn = robot, others, learn
+        self.most_steps = self.config.robot.most_steps
         self._furnish, self._reflectance = furnish, reflectance
         self.lights: dict[str, tuple[int, ...]] = {}
 
     def _open(self) -> None:
         config = self.config
         alone = config.followers == 1 and self.robot == 1
-        others = self._others if self._others is not None or alone else CarrotPI()
+        others = self._others if self._others is not None or alone or self._learn else CarrotPI()
         law = others if isinstance(others, ControlLaw) else None
         theta = others.theta if isinstance(others, Policy) else None
         self.convoy = Convoy(
-            config, [config.seed], periods=10**12, law=law, policy=theta, external=self.robot, threads=1, furnish=self._furnish
-        )
+            config, [config.seed], steps=10**12 if self._learn else 0, periods=10**12, horizon=self._learn or None, law=law,
+            policy=theta, external=self.robot, threads=1, furnish=self._furnish,
+        )  # fmt: skip
         self._rays = RayProximity(self.convoy.world, config.infrared, self._reflectance) if self._furnish else None
         self._time, self._started = 0, False
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
         self.convoy.robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
-        _sense(self.convoy.task, self.convoy.robots[0], self.robot, np.zeros(RING_SENSORS))  # compiled now, not while
+        sense(self.convoy.task, self.convoy.robots[0], self.robot, np.zeros(RING_SENSORS))  # compiled now, not while
         _ground(self.convoy.task, self.convoy.world.floor.raster[0], self.convoy.robots[0], self.robot, 0, 0.0)  # a client waits
 
     def _close(self) -> None:
@@ -121,7 +130,8 @@ class SimulatedRobot(Robot):
         if self._started:
             self.convoy.command(self.robot, *self._speed, self._time)
             self.convoy.world.step()
-            self._steps += [motor_speed(speed) * CONTROL_PERIOD for speed in self._speed]
+            most, ticks = self.config.robot.most_steps, self.config.robot.timer_hz
+            self._steps += [wheel_speed(speed, most, ticks) * CONTROL_PERIOD for speed in self._speed]
             self._time += 1
 
     def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
@@ -131,7 +141,7 @@ class SimulatedRobot(Robot):
         robots = convoy.robots[0]
         record = robots[me]
         if (self.config.sensing not in INFRARED or me == 0 or self._rays is not None) and not record["silent"]:
-            _sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
+            sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
         if self._rays is not None and not record["silent"]:
             self._cast(record)
         found: dict[str, tuple[float, ...]] = {"observe": (float(record["seen_distance"]), float(record["seen_bearing"]))}

@@ -9,6 +9,8 @@ whole steps/s; where a wheel would leave the range both are shifted, so that the
                   v = (k_d e_d + v1 cos β) / cos φ, ω = k_φ φ + (v sin φ + v1 sin β) / d
     L_PSI         separation-bearing control of a point ``ahead`` of the axle (Desai et al. 2001, Das et al. 2002)
     PURSUIT       pure pursuit of the predecessor's breadcrumbs at a look-ahead L: ω = v 2 sin α / L; v as CARROT
+    OWN           a function of the user's own, ``formation.own``
+    OUTSIDE       nothing: commands come from outside, after everybody has sensed (``Convoy.command_all``)
     PATH          path reconstruction (after Klančar, Matko, Blažič 2009): a parabola in time, fitted by least squares to the
                   breadcrumbs around the point d* behind the predecessor, gives reference, feed-forward and curvature; state
                   feedback of the longitudinal, lateral and heading error
@@ -23,11 +25,11 @@ Contract: a law writes only its memory in the follower's record; every episode b
 import math
 from typing import Any
 
-from workbench.compiled import compiled
-from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
-from workbench.robot.motors import motor_speed
+from workbench.compiled import call_at, compiled
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.motors import wheel_speed
 
-CARROT, LEADER_FRAME, L_PSI, PURSUIT, PATH = range(1, 6)  # 0: no law, a table decides
+CARROT, LEADER_FRAME, L_PSI, PURSUIT, PATH, OWN, OUTSIDE = range(1, 8)  # 0: no law, a table decides
 CRUMBS = 256  # breadcrumbs kept: 25.6 s of the predecessor's way
 
 
@@ -41,11 +43,17 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
         distance, bearing: of the predecessor, m and rad.
     """
     law, gain = task.law, task.gain
+    if law == OUTSIDE:
+        return 0, 0
     if follower.state < 0:
         follower.integral, follower.crumbs = 0.0, 0
         follower.ox = follower.oy = follower.oh = 0.0
     error = distance - task.middle
-    if law == LEADER_FRAME:
+    if law == OWN:
+        v, omega = call_at(task.own_speed, distance, bearing), call_at(task.own_turn, distance, bearing)
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            v = omega = 0.0
+    elif law == LEADER_FRAME:
         v, omega = leader_frame(distance, bearing, follower.ahead_heading, follower.ahead_speed, error, gain[0], gain[1])
     elif law == L_PSI:
         v, omega = l_psi(
@@ -54,7 +62,7 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
         )  # fmt: skip
     else:
         if law != CARROT:
-            _drop_crumb(follower, distance, bearing)
+            _drop_crumb(task, follower, distance, bearing)
         found = False
         v, omega = _pace(task, follower, error), gain[2] * bearing
         if law == PURSUIT:
@@ -111,17 +119,18 @@ def wrap(angle: float) -> float:
 def _pace(task: Any, follower: Any, error: float) -> float:
     """Return the forward speed of a PI control of the distance, whose integral stops where the wheels' range ends."""
     v: float = task.gain[0] * error + task.gain[1] * follower.integral
-    if (v < task.fastest * STEP or error < 0.0) and (v > task.slowest * STEP or error > 0.0):
+    if (v < task.fastest * task.step_m or error < 0.0) and (v > task.slowest * task.step_m or error > 0.0):
         follower.integral += error * CONTROL_PERIOD
     return v
 
 
 @compiled
-def _drop_crumb(follower: Any, distance: float, bearing: float) -> None:
+def _drop_crumb(task: Any, follower: Any, distance: float, bearing: float) -> None:
     """Move the odometry by the last command and note where the predecessor is in it."""
     if follower.crumbs > 0:
-        left, right = motor_speed(follower.left) * STEP, motor_speed(follower.right) * STEP
-        v, turn = (left + right) / 2, (right - left) / TRACK * CONTROL_PERIOD
+        left = wheel_speed(follower.left, task.most, task.ticks) * task.step_m
+        right = wheel_speed(follower.right, task.most, task.ticks) * task.step_m
+        v, turn = (left + right) / 2, (right - left) / task.track_m * CONTROL_PERIOD
         middle = follower.oh + turn / 2
         follower.ox += v * CONTROL_PERIOD * math.cos(middle)
         follower.oy += v * CONTROL_PERIOD * math.sin(middle)
@@ -200,7 +209,7 @@ def _parabola(trail: Any, axis: int, first: int, last: int, place: int, part: fl
 @compiled
 def _wheels(task: Any, follower: Any, v: float, omega: float) -> tuple[int, int]:
     """Return wheel commands for (v, ω) within the range of the learner's levels, the turn kept as long as possible."""
-    left, right = (v - omega * TRACK / 2) / STEP, (v + omega * TRACK / 2) / STEP
+    left, right = (v - omega * task.track_m / 2) / task.step_m, (v + omega * task.track_m / 2) / task.step_m
     shift = min(0.0, task.fastest - max(left, right)) + max(0.0, task.slowest - min(left, right))
     left = min(max(left + shift, task.slowest), task.fastest)
     right = min(max(right + shift, task.slowest), task.fastest)

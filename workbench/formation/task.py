@@ -7,22 +7,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.camera_config import NOISE, CameraConfig
+from workbench.arena.world import motors_of
 from workbench.formation.camera_sense import MODEL, PIXELS
 from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.follower import TASK
+from workbench.formation.own import OwnLaw, OwnReward
 from workbench.formation.readings import raw_scales
-from workbench.formation.reward import PRESETS, terminal_reward
+from workbench.formation.reset import search_numbers
+from workbench.formation.reward import OWN, PRESETS, terminal_reward, worst_step_reward
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.config import RULES
-from workbench.robot.geometry import STEP as STEP_LENGTH
+from workbench.robot.description import EPUCK
 from workbench.robot.infrared import BEACON_RANGE, RANGE, WARPS, strength_of
 from workbench.robot.inversion import FLOOR, inversion_table
-from workbench.robot.motors import steps_from_speed
 
 
-def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -> NDArray[np.void]:
+def fill_task(
+    config: ConvoyConfig, steps: int, law: ControlLaw | None = None, reward: OwnReward | None = None
+) -> NDArray[np.void]:
     """Return the (1,) TASK record of a configuration, for runs of a number of updates or driven by a law.
+
+    With reward = "own" and no function, rewards are NaN: for robots that do not learn.
 
     Where the floor's raster begins (``column0``, ``row0``) is for the world to fill in.
     """
@@ -37,26 +43,35 @@ def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -
     left, right = config.levels()
     for name, values in (("left_steps", left), ("right_steps", right)):
         task[name][0, : len(values)] = values
-    learner = config.learner
-    plain = {
+    learner, robot = config.learner, config.robot
+    if config.reward == OWN:
+        worst = reward.worst if reward is not None else np.nan
+    else:
+        worst = worst_step_reward(config.reward)
+    plain: dict[str, Any] = {
         "tilings": config.tilings, "actions": config.actions, "right_levels": len(right),
         "middle": config.middle_m, "half_range": config.half_range_m, "limit": config.bearing_limit_rad,
-        "sight": config.sight_m, "preset": PRESETS.index(config.reward),
-        "terminal_reward": terminal_reward(config.reward, learner.gamma, config.terminal_factor),
+        "sight": config.sight_m, "preset": len(PRESETS) if config.reward == OWN else PRESETS.index(config.reward),
+        "own_reward": reward.address if reward is not None else 0,
+        "terminal_reward": terminal_reward(worst, learner.gamma, config.terminal_factor),
         "rule": RULES.index(learner.rule), "kappa": learner.rule == "qrc",
         "alpha": learner.alpha / config.tilings, "beta": learner.beta / config.tilings,
         "gamma": learner.gamma, "lam": learner.lam,
         "cutoff": learner.trace_cutoff, "buffer": learner.buffer, "schedule": SCHEDULES.index(learner.epsilon_schedule),
         "epsilon": learner.epsilon, "epsilon_final": learner.epsilon_final,
         "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
-        "leader_steps": config.leader_speed_mps / STEP_LENGTH, "wheels": config.drive == "wheels",
+        "leader_steps": config.leader_speed_mps / robot.step_m,
         "restart": config.reset == "restart",
         "delayed": config.delay_steps > 0,
         "distance_noise": config.noise_distance_m, "bearing_noise": config.noise_bearing_rad,
         "noisy": config.noisy,
         "noise_at": 3 + config.followers, "infrared_at": 3 + config.followers * (3 if config.noisy else 1),
         "external": -1,
-        "slowest": steps_from_speed(config.wheel_speed_mps[0]), "fastest": steps_from_speed(config.wheel_speed_mps[1]),
+        "slowest": robot.steps(config.wheel_speed_mps[0]), "fastest": robot.steps(config.wheel_speed_mps[1]),
+    }  # fmt: skip
+    plain |= motors_of(robot, config.drive) | search_numbers(robot) | {
+        "step_m": robot.step_m, "track_m": robot.track_m, "vigour": robot.most_steps / EPUCK.most_steps,
+        "ground_x": robot.ground_x_m, "ground_y": robot.ground_y,
     }  # fmt: skip
     plain |= _sensors(config) | {
         "body": not config.body.nominal, "slip": config.body.slip, "command_delay": config.body.delay,
@@ -71,6 +86,8 @@ def fill_task(config: ConvoyConfig, steps: int, law: ControlLaw | None = None) -
     if law is not None:
         gains = law.gains()
         task["law"], task["gain"][0, : len(gains)] = law.number, gains
+        if isinstance(law, OwnLaw):
+            task["own_speed"], task["own_turn"], _ = law.addresses()
     return task
 
 

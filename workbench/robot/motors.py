@@ -22,13 +22,19 @@ RADIANS_PER_STEP = 2 * math.pi / STEPS_PER_TURN
 
 
 @compiled
-def motor_speed(command: int) -> float:
-    """Return the steps/s at which a wheel really turns for a commanded whole number of steps/s."""
-    speed = min(abs(command), MAX_STEPS)
+def wheel_speed(command: int, most: int, ticks: int) -> float:
+    """Return the steps/s at which a wheel really turns: at most ``most``, each step a whole number of ticks (0: any speed)."""
+    speed = min(abs(command), most)
     if speed == 0:
         return 0.0
-    real = TICKS / (TICKS // speed)
+    real = ticks / (ticks // speed) if ticks else float(speed)
     return real if command > 0 else -real
+
+
+@compiled
+def motor_speed(command: int) -> float:
+    """Return the steps/s at which an e-puck's wheel really turns for a commanded whole number of steps/s."""
+    return wheel_speed(command, MAX_STEPS, TICKS)
 
 
 def motor_speed_epuck2(command: int) -> float:

@@ -27,7 +27,8 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy, track_of
 from workbench.formation.follower import EXPLORED
 from workbench.formation.reset import FOLLOW
-from workbench.robot.geometry import BODY_RADIUS, CONTROL_PERIOD, STEP
+from workbench.robot.description import EPUCK, RobotConfig
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.records import sampled_blocks
 from workbench.study.runs import Run
 from workbench.study.smoothness import ldlj_vector
@@ -35,7 +36,7 @@ from workbench.study.smoothness import ldlj_vector
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 WINDOW_S = 20.0  # of the windows in which jerk and turning are compared
-JUMP_MPS = 0.4  # three times what a robot can do: it was put somewhere else (a restart)
+JUMP_MPS = 0.4  # three times what an e-puck can do: it was put somewhere else (a restart)
 TURNING_HZ = 1.0  # turning faster than this is chatter: the judder's shortest wavelength comes at 0.6 Hz
 COLUMNS = ("time_s", "robot", "x_m", "y_m")
 
@@ -52,6 +53,7 @@ class Motion:
         following: (T, robots) False while a robot drives back after a loss; True of the leader.
         explored: (T, robots) whether the command was a random action.
         track: the loop that the leader was to follow; None if not known.
+        robot: what moved.
     """
 
     fs: float
@@ -61,15 +63,16 @@ class Motion:
     following: Flags
     explored: Flags
     track: Track | None = None
+    robot: RobotConfig = EPUCK
 
     @classmethod
-    def of_steps(cls, steps: NDArray[np.void], track: Track | None = None) -> "Motion":
+    def of_steps(cls, steps: NDArray[np.void], track: Track | None = None, robot: RobotConfig = EPUCK) -> "Motion":
         """Return the motion in step records, (T, robots) of type ``formation.follower.STEP``."""
         position = np.stack([steps["x"], steps["y"]], axis=-1).astype(np.float64)
         command = np.stack([steps["left"], steps["right"]], axis=-1).astype(np.float64)
         heading = np.unwrap(steps["heading"].astype(np.float64), axis=0)
         explored = steps["event"] & EXPLORED != 0
-        return cls(1 / CONTROL_PERIOD, position, heading, command, steps["phase"] == FOLLOW, explored, track)
+        return cls(1 / CONTROL_PERIOD, position, heading, command, steps["phase"] == FOLLOW, explored, track, robot)
 
     @classmethod
     def of_path(cls, position: ArrayLike, fs: float, track: Track | None = None) -> "Motion":
@@ -136,7 +139,7 @@ class Motion:
         """Return the free distance between every pair of robots' bodies, (T, pairs) in m; negative where they touch."""
         first, second = np.triu_indices(self.position.shape[1], k=1)
         apart = np.linalg.norm(self.position[:, first] - self.position[:, second], axis=-1)
-        free: Floats = apart - 2 * BODY_RADIUS
+        free: Floats = apart - 2 * self.robot.body_radius_m
         return free
 
     def errors(self) -> tuple[Floats, Floats]:
@@ -159,7 +162,7 @@ def as_motion(source: Source) -> Motion:
     if isinstance(source, Motion):
         return source
     if isinstance(source, Run):
-        return Motion.of_steps(sampled_blocks(source.records)[-1][1], track_of(source.config))
+        return Motion.of_steps(sampled_blocks(source.records)[-1][1], track_of(source.config), source.config.robot)
     if isinstance(source, pd.DataFrame):
         return Motion.of_table(source)
     raise TypeError(
@@ -181,7 +184,7 @@ def follow(policy: Controller, config: ConvoyConfig, *, minutes: float = 20.0) -
     theta = None if isinstance(policy, ControlLaw) else policy.theta
     periods = max(3, round(minutes * 60 / CONTROL_PERIOD))
     convoy = Convoy(config, [config.seed], periods=periods, policy=theta, law=law, threads=1)
-    return Motion.of_steps(drive(convoy), convoy.world.tracks[0])
+    return Motion.of_steps(drive(convoy), convoy.world.tracks[0], config.robot)
 
 
 def drive(convoy: Convoy) -> NDArray[np.void]:
@@ -213,13 +216,13 @@ def chatter(source: Source) -> pd.DataFrame:
     for robot in range(motion.position.shape[1]):
         path, turn = motion.position[:, robot], np.diff(motion.heading[:, robot]) * motion.fs
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        jumps = steps > JUMP_MPS / motion.fs
+        jumps = steps > JUMP_MPS * motion.robot.most_mps / EPUCK.most_mps / motion.fs
         steps = np.where(jumps, 0.0, steps)
         line: dict[str, Any] = {"robot": robot, "distance_m": float(steps.sum())}
         line |= _windows(np.diff(path, axis=0) * motion.fs, turn, jumps, motion.fs)
         if motion.command is not None:
             together = motion.following[1:, robot] & motion.following[:-1, robot]
-            line |= _switching(motion.command[:, robot], steps, together, motion.explored[:, robot])
+            line |= _switching(motion, robot, steps, together)
         lines.append(line)
     return pd.DataFrame(lines)
 
@@ -242,12 +245,14 @@ def _windows(velocity: Floats, turn: Floats, jumps: Flags, fs: float) -> dict[st
     }
 
 
-def _switching(command: Floats, steps: Floats, together: Flags, explored: Flags) -> dict[str, float]:
+def _switching(motion: Motion, robot: int, steps: Floats, together: Flags) -> dict[str, float]:
+    assert motion.command is not None
+    command, explored = motion.command[:, robot], motion.explored[:, robot]
     change = np.abs(np.diff(command, axis=0)).sum(axis=1)
     own = together & ~explored[1:] & ~explored[:-1]
     way, own_way = float(steps[together].sum()), float(steps[own].sum())
     return {
-        "variation_mm_s_per_m": 1000 * STEP * float(change[together].sum()) / way if way else np.nan,
+        "variation_mm_s_per_m": 1000 * motion.robot.step_m * float(change[together].sum()) / way if way else np.nan,
         "switches_per_m": float(np.count_nonzero(change[together])) / way if way else np.nan,
         "policy_switches_per_m": float(np.count_nonzero(change[own])) / own_way if own_way else np.nan,
     }

@@ -17,7 +17,7 @@ from workbench.compiled import compiled
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, STEP, TIMED_OUT
 from workbench.formation.reset import FOLLOW, LOST
-from workbench.robot.geometry import BODY_RADIUS, CONTROL_PERIOD
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.statistics import best_block, best_cell, moments
 from workbench.study.storage import plain
 
@@ -26,7 +26,6 @@ SUMS = (
     "visits", "distance", "distance2", "bearing", "bearing2", "reward",
     "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost", "collisions",
 )  # fmt: skip
-TOUCH = 2 * BODY_RADIUS  # m between centres below which two robots touch
 _EVENTS = (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)
 RECORDS = ("starts", "sums", "visits", "samples", "sample_lengths", "sample_starts")
 Records = dict[str, NDArray[Any]]
@@ -57,7 +56,7 @@ class Recorder:
         sums = np.zeros((self.config.followers, len(SUMS)))
         visits = np.zeros((self.config.followers, self._states), np.int32)
         _reduce(block, sums, visits)
-        count_collisions(block, self._last[-1:], sums[:, SUMS.index("collisions")])
+        count_collisions(block, self._last[-1:], sums[:, SUMS.index("collisions")], 2 * self.config.robot.body_radius_m)
         self._rows.append(sums)
         self._visits.append(visits)
         due = len(self._samples) < len(SAMPLED) and start >= SAMPLED[len(self._samples)] * self.length
@@ -125,11 +124,12 @@ def _reduce(block: Any, sums: Any, visits: Any) -> None:
 
 
 @compiled
-def count_collisions(block: Any, before: Any, counts: Any) -> None:
+def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None:
     """Add to counts (followers,) how often each began to touch a robot in front of it in line.
 
     Args:
         block: (periods, robots) of STEP; before: (0 or 1, robots), the period before it.
+        touch: distance between centres in m below which two robots touch.
     """
     robots = block.shape[1]
     x, y = np.empty(robots), np.empty(robots)
@@ -139,18 +139,18 @@ def count_collisions(block: Any, before: Any, counts: Any) -> None:
         for i in range(1, robots):
             for j in range(i):
                 dx, dy = x[i] - x[j], y[i] - y[j]
-                if dx * dx + dy * dy < TOUCH * TOUCH:
+                if dx * dx + dy * dy < touch * touch:
                     if t:
-                        touched = _touching(block[t - 1, i], block[t - 1, j])
+                        touched = _touching(block[t - 1, i], block[t - 1, j], touch)
                     else:
-                        touched = before.shape[0] > 0 and _touching(before[0, i], before[0, j])
+                        touched = before.shape[0] > 0 and _touching(before[0, i], before[0, j], touch)
                     counts[i - 1] += not touched
 
 
 @compiled
-def _touching(a: Any, b: Any) -> bool:
+def _touching(a: Any, b: Any, touch: float) -> bool:
     dx, dy = float(a.x) - float(b.x), float(a.y) - float(b.y)
-    return dx * dx + dy * dy < TOUCH * TOUCH
+    return dx * dx + dy * dy < touch * touch
 
 
 def sampled_blocks(records: Mapping[str, NDArray[Any]]) -> list[tuple[int, NDArray[np.void]]]:

@@ -15,7 +15,7 @@ Contract: one seed gives the same run alone or in a batch of seeds, at any numbe
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -28,17 +28,20 @@ from workbench import fields
 from workbench.formation.classical import ControlLaw, Controller, check_controller
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
+from workbench.formation.own import OwnLaw, OwnReward, Reward, own_reward
 from workbench.formation.policy import Policy
+from workbench.formation.reward import OWN
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.study import storage
 from workbench.study.checkpoints import load_checkpoint, save_checkpoint
 from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
-from workbench.study.storage import read_json, read_npz, refuse_existing, remove_temporaries, write_json, write_npz
 from workbench.study.weights import Weights, describe, load_weights, write_weights
 
 SCHEMA = 5
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
-REQUEST = ("kind", "length", "policy_sha256", "config")  # what must agree for a run to be continued
+KNOWN = (*FILES, *(f"{name}.tmp" for name in FILES))
+REQUEST = ("kind", "length", "policy_sha256", "reward_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
 
 
@@ -83,12 +86,12 @@ class Run:
         """
         folder = Path(path)
         if not overwrite:
-            refuse_existing(folder)
+            storage.refuse_existing(folder)
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
             (folder / name).unlink(missing_ok=True)
         started = self.policy if self.kind == "evaluate" else None
-        write_json(folder / "config.json", _header(self.kind, self.config, self.length, started))
+        storage.write_json(folder / "config.json", _header(self.kind, self.config, self.length, started))
         _store(self, folder)
 
 
@@ -97,6 +100,7 @@ def learn(
     *,
     steps: int,
     policy: Policy | None = None,
+    reward: Reward | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     progress: Progress = True,
@@ -108,6 +112,7 @@ def learn(
         config: robots, track, task, learner and seed.
         steps: learning updates, summed over the followers.
         policy: action values to start from; default: all θ₀.
+        reward: a reward of your own, r(u, v), see ``workbench.formation.own``; the run's config then says reward = "own".
         out: folder of the run; checkpoints are kept there.
         resume: continue an interrupted run in ``out``, or load it if it is complete.
         progress: True for a bar, or a function called with the updates just done.
@@ -120,7 +125,9 @@ def learn(
     """
     folders = [Path(out)] if out is not None else None
     policies: list[Controller] | None = [policy] if policy is not None else None
-    batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policies, folders)
+    own = own_reward(reward) if reward is not None else None
+    config = replace(config, reward=OWN) if own is not None else config
+    batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policies, folders, reward=own)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
 
 
@@ -216,7 +223,7 @@ def load_run(path: str | Path) -> Run:
     if not (folder / "summary.json").is_file():
         raise FileNotFoundError(f"{folder} is not complete; continue it with resume=True, or --resume on the command line")
     header = _read_header(folder)
-    weights, records = load_weights(folder), read_npz(folder / "records.npz")
+    weights, records = load_weights(folder), storage.read_npz(folder / "records.npz")
     lacking = sorted(set(RECORDS) - set(records))
     if lacking:
         raise ValueError(f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again")
@@ -242,20 +249,25 @@ class _Batch:
         policies: list[Controller] | None,
         folders: list[Path] | None,
         threads: int = 0,
+        reward: OwnReward | None = None,
     ) -> None:
+        self.reward = reward
         self.kind, self.length, self.folders, self.threads = kind, length, folders, threads
         self.config, self.seeds = config, seeds
         self.configs = [config.with_seed(seed) for seed in seeds]
         self.policies = policies
         for policy in policies or []:
             policy.check(config)
+            if folders is not None and isinstance(policy, OwnLaw):
+                policy.arrays()  # refuses before anything has run
         if folders is not None and len(set(seeds)) < len(seeds):
             raise ValueError(f"seeds = {list(seeds)}; each may occur once where runs are stored in folders named after them")
 
     def headers(self) -> list[dict[str, Any]]:
         """Return what each run's config.json says: everything that its result depends on."""
         given: list[Controller | None] = list(self.policies) if self.policies else [None] * len(self.seeds)
-        return [_header(self.kind, config, self.length, policy) for config, policy in zip(self.configs, given, strict=True)]
+        own = self.reward.sha256 if self.reward is not None else None
+        return [_header(self.kind, config, self.length, policy, own) for config, policy in zip(self.configs, given, strict=True)]
 
     def run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
         if self.folders is not None and folder is not None:
@@ -304,7 +316,7 @@ class _Batch:
         tables = [policy.theta for policy in self.policies or [] if isinstance(policy, Policy)]
         return Convoy(
             self.config, self.seeds, steps=self.length if learning else 0, periods=None if learning else self.length,
-            policy=np.stack(tables) if tables else None, law=self._law(), threads=self.threads,
+            policy=np.stack(tables) if tables else None, law=self._law(), reward=self.reward, threads=self.threads,
         )  # fmt: skip
 
     def _law(self) -> ControlLaw | None:
@@ -330,15 +342,15 @@ class _Batch:
         if resume:
             self._check_request()
             for place in {folder, *self.folders}:
-                _refuse_strangers(place, [other.name for other in self.folders if other != folder])
+                storage.refuse_strangers(place, [*KNOWN, *(other.name for other in self.folders if other != folder)])
         else:
-            refuse_existing(folder)
+            storage.refuse_existing(folder)
         for header, place in zip(self.headers(), self.folders, strict=True):
             place.mkdir(parents=True, exist_ok=True)
             if not (place / "config.json").is_file():
-                write_json(place / "config.json", header)
+                storage.write_json(place / "config.json", header)
         for place in {folder, *self.folders}:
-            remove_temporaries(place, FILES)
+            storage.remove_temporaries(place, FILES)
 
     def _check_request(self) -> None:
         """Refuse to continue a folder that was started with another request."""
@@ -357,34 +369,26 @@ class _Batch:
 
 def _store(run: Run, folder: Path) -> None:
     write_weights(folder, Weights(run.policy, run.w, run.updates, describe(run.policy, run.config, run.updates)))
-    write_npz(folder / "records.npz", run.records)
-    write_json(folder / "summary.json", run.summary)
+    storage.write_npz(folder / "records.npz", run.records)
+    storage.write_json(folder / "summary.json", run.summary)
 
 
-def _header(kind: str, config: ConvoyConfig, length: int, policy: Controller | None) -> dict[str, Any]:
+def _header(
+    kind: str, config: ConvoyConfig, length: int, policy: Controller | None, reward_sha256: str | None = None
+) -> dict[str, Any]:
     versions = {name: version(name) for name in ("workbench", "mujoco", "numba", "numpy")}
     return {
         "schema": SCHEMA, "kind": kind, "length": length, "unit": "updates" if kind == "learn" else "control periods",
         "policy_sha256": policy.sha256() if policy is not None else None,  # what it started from, or followed
-        "config": fields.to_dict(config), "versions": versions,
+        "reward_sha256": reward_sha256, "config": fields.to_dict(config), "versions": versions,
     }  # fmt: skip
 
 
 def _read_header(folder: Path) -> dict[str, Any]:
-    header = read_json(folder / "config.json")
+    header = storage.read_json(folder / "config.json")
     if not isinstance(header, dict) or header.get("schema") != SCHEMA or not set(REQUEST) <= set(header):
         raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}: it is damaged or of another version")
     return header
-
-
-def _refuse_strangers(folder: Path, runs: list[str]) -> None:
-    """Refuse to continue in a folder that holds anything but a run's files (or the runs of a batch)."""
-    known = {*FILES, *(f"{name}.tmp" for name in FILES), *runs}
-    strangers = sorted(path.name for path in folder.iterdir() if path.name not in known) if folder.is_dir() else []
-    if strangers:
-        raise FileExistsError(
-            f"{folder} holds {', '.join(strangers[:5])}, which belongs to no run of this request; choose another folder"
-        )
 
 
 def _positive(name: str, number: int) -> int:

@@ -102,3 +102,16 @@ def _write(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     except OSError:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def refuse_strangers(folder: Path, known: Sequence[str]) -> None:
+    """Refuse to continue in a folder that holds anything but files and folders of known names.
+
+    Raises:
+        FileExistsError: what else is there.
+    """
+    strangers = sorted(path.name for path in folder.iterdir() if path.name not in known) if folder.is_dir() else []
+    if strangers:
+        raise FileExistsError(
+            f"{folder} holds {', '.join(strangers[:5])}, which belongs to no run of this request; choose another folder"
+        )
