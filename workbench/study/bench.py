@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.compiled import compiled
+from workbench.doors.environments import FollowVectorEnv
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.learning.behaviour import greedy_action
@@ -112,8 +113,28 @@ def bench(*, turns: int = 36) -> dict[str, Any]:
         result[f"robot_bare_us_{name}"] = float(np.median(loops[name].bare)) * micro / robots
         growth[name] = result[f"robot_us_{name}"] / result[f"robot_bare_us_{name}"]
     result["robot_growth_over_bare"] = growth["64"] / growth["4"]
+    result |= _environment()
     result["peak_mib"] = peak_mib()
     return result | _sweeps()
+
+
+def _environment(formations: int = 64, steps: int = 500, turns: int = 5) -> dict[str, float]:
+    """Return follower steps per second of the vectorised environment on one core: planar, errors in, speed pairs out.
+
+    Its actions are a law's, computed on arrays, so that followers follow; a new random action now and then makes some get lost.
+    """
+    env = FollowVectorEnv(formations)
+    seen, _ = env.reset(seed=1)
+    rng, levels, rates = np.random.default_rng(0), env.config.action_levels[1], []
+    for _ in range(turns):
+        begun = time.perf_counter()
+        for _ in range(steps):
+            pair = np.round(3 + 3 * seen[:, :1] + np.array([-4.0, 4.0]) * seen[:, 1:])
+            left, right = np.clip(pair, 0, levels - 1).astype(np.int64).T
+            action = np.where(rng.random(formations) < 0.05, rng.integers(0, levels**2, formations), left * levels + right)
+            seen, *_ = env.step(action)
+        rates.append(formations * steps / (time.perf_counter() - begun))
+    return {"environment_formations": formations, "environment_steps_per_s": float(np.median(rates))}
 
 
 def short_run(config: ConvoyConfig) -> int:
