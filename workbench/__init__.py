@@ -1,24 +1,26 @@
 """Formation control with Greedy-GQ(λ) on simulated e-puck robots. ``import workbench as wb``; see the README."""
 
 from .arena.picture import picture as picture
-from .arena.tracks import Track as Track
 from .arena.tracks import TrackConfig as TrackConfig
 from .arena.tracks import make_track as make_track
 from .arena.world import World as World
+from .doors.environments import ConvoyEnv as ConvoyEnv
+from .doors.environments import FollowEnv as FollowEnv
+from .doors.show import play as play
 from .formation.classical import LAWS as LAWS
 from .formation.classical import quantised_carrot as quantised_carrot
 from .formation.config import SETTINGS as SETTINGS
 from .formation.config import ConvoyConfig as ConvoyConfig
 from .formation.convoy import Convoy as Convoy
 from .formation.convoy import still_world as still_world
+from .formation.own import OwnLaw as OwnLaw
 from .formation.policy import Policy as Policy
 from .learning.config import LearnerConfig as LearnerConfig
 from .learning.gq import GQ as GQ
 from .learning.gq import GreedyGQ as GreedyGQ
-from .learning.gq import UpdateBuffer as UpdateBuffer
-from .learning.sarsa import TrueOnlineSarsa as TrueOnlineSarsa
 from .learning.tiles import TileGrid as TileGrid
 from .learning.tiles import Tiling as Tiling
+from .robot.description import load_robot as load_robot
 from .robots import open_robot as open_robot
 from .study.figures import save_figure as save_figure
 from .study.judder import judder as judder

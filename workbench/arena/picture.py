@@ -19,11 +19,14 @@ from numpy.typing import NDArray
 
 from workbench.arena.floor import CELL
 from workbench.arena.world import World
+from workbench.robot.infrared import BEARINGS, RING
 
 Floats = NDArray[np.float64]
 LAMP = np.array([-0.9, -1.3, 2.4])  # m
 SKY = np.array([0.97, 0.97, 0.98])
 INK = np.array([0.13, 0.13, 0.15])
+BEAM = np.array([0.80, 0.47, 0.65])
+BEAM_M, BEAM_HALF = 0.06, math.radians(15)  # how far and how wide a sensor's cone is drawn: about where it sees a cup well
 _GROUPS = np.array([1, 1, 0, 0, 0, 0], dtype=np.uint8)  # the floor and what is visible of the robots
 
 
@@ -37,6 +40,7 @@ def picture(
     width: int = 320,
     height: int = 240,
     smooth: int = 1,
+    sensors: bool = False,
 ) -> NDArray[np.uint8]:
     """Return a picture of one formation, (height, width, 3) uint8.
 
@@ -47,6 +51,7 @@ def picture(
         field_of_view_deg: vertical angle of view.
         width, height: pixels.
         smooth: rays per pixel in each direction; 2 or 3 for smooth edges.
+        sensors: show where the eight infrared sensors of every robot look, as cones on the floor (paper, Fig. 3).
     """
     if min(width, height, smooth) < 1 or not 1.0 <= field_of_view_deg <= 150.0:
         raise ValueError(f"width, height, smooth = {width}, {height}, {smooth}; field of view {field_of_view_deg}; expected "
@@ -63,6 +68,9 @@ def picture(
     floor = hit & (geom == world.model.geom("floor").id)
     dark = _floor_colour(world, formation, points[floor])
     colour[floor] = colour[floor] * (1 - dark[:, None]) + INK * dark[:, None]
+    if sensors:
+        cone = _cones(world, formation, points[floor])[:, None]
+        colour[floor] = colour[floor] * (1 - cone) + BEAM * cone
     colour[hit] *= _light(world.model, data, points[hit], normal[hit])[:, None]
     far = np.clip((distance - 2.0) / 3.0, 0.0, 1.0)[:, None]
     colour = np.where(hit[:, None], colour * (1 - far) + SKY * far, colour)
@@ -105,6 +113,21 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, points: Floats, normal: F
     facing = np.clip(-np.sum(beam * normal, axis=1), 0.0, 1.0)
     brightness: Floats = 0.55 + 0.50 * facing * lit
     return brightness
+
+
+def _cones(world: World, formation: int, points: Floats) -> Floats:
+    """Return how much floor points are within the sensors' cones, fading out towards their ends, (N,) in [0, 1]."""
+    share = np.zeros(len(points))
+    ring, length = RING * world.robot.size, BEAM_M * world.robot.size
+    for robot in range(world.robots):
+        x, y, heading = world.pose(formation, robot)
+        near = np.flatnonzero(np.hypot(points[:, 0] - x, points[:, 1] - y) < ring + length)
+        for angle in BEARINGS + heading:
+            gap = points[near, :2] - [x + ring * math.cos(angle), y + ring * math.sin(angle)]
+            far, off = np.hypot(gap[:, 0], gap[:, 1]), np.arctan2(gap[:, 1], gap[:, 0]) - angle
+            inside = (far < length) & (np.abs(np.arctan2(np.sin(off), np.cos(off))) < BEAM_HALF)
+            share[near[inside]] = np.maximum(share[near[inside]], 0.75 - 0.45 * far[inside] / length)
+    return share
 
 
 def _floor_colour(world: World, formation: int, points: Floats) -> Floats:

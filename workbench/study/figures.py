@@ -91,7 +91,7 @@ def publish(
 ) -> Image:
     """Write a figure as ``save_figure`` does and return it as the picture that a notebook shows and stores."""
     save_figure(fig, name, numbers=numbers, sources=sources, svg=svg)
-    return Image(_draw(fig, "png"), width=round(100 * fig.get_figwidth()))
+    return Image(png(fig), width=round(100 * fig.get_figwidth()))
 
 
 @contextmanager
@@ -150,6 +150,11 @@ def compare_numbers(before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.D
 def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> list[str]:
     """Return the names whose bytes differ, or that only one side has."""
     return sorted(name for name in set(before) | set(after) if before.get(name) != after.get(name))
+
+
+def png(fig: Figure) -> bytes:
+    """Return the PNG of a figure; the same figure gives the same bytes."""
+    return _draw(fig, "png")
 
 
 def _draw(fig: Figure, kind: str) -> bytes:

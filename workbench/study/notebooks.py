@@ -4,6 +4,9 @@ Stored notebooks keep their outputs, so that a reader without a kernel sees ever
 the interpreter's patch version are removed.
 """
 
+import contextlib
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import nbformat
@@ -16,17 +19,34 @@ TIME_OUT_S = 1800  # per cell
 def execute(path: Path, *, store: bool) -> None:
     """Run a notebook from a clean kernel, top to bottom, in its own folder; store it normalised if asked to.
 
+    A stored notebook has the static twins of its widgets (WORKBENCH_STATIC=1): a page without a kernel shows nothing else.
+
     Raises:
         RuntimeError: a cell failed; the message names the notebook and has the cell's traceback.
     """
     notebook = nbformat.read(path, as_version=4)
     runner = ExecutePreprocessor(timeout=TIME_OUT_S, kernel_name="python3", record_timing=False)
     try:
-        runner.preprocess(notebook, {"metadata": {"path": str(path.parent)}})
+        with _static() if store else contextlib.nullcontext():
+            runner.preprocess(notebook, {"metadata": {"path": str(path.parent)}})
     except CellExecutionError as error:
         raise RuntimeError(f"{path.name}: {error}") from error
     if store:
         nbformat.write(normalise(notebook), path)
+
+
+@contextlib.contextmanager
+def _static() -> Iterator[None]:
+    """Let kernels that are started now show pictures instead of widgets."""
+    before = os.environ.get("WORKBENCH_STATIC")
+    os.environ["WORKBENCH_STATIC"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["WORKBENCH_STATIC"]
+        else:
+            os.environ["WORKBENCH_STATIC"] = before
 
 
 def execute_and_store(path: Path) -> None:

@@ -1,0 +1,56 @@
+"""Pictures of the arena: without OpenGL always, with it where there is some; both show the same scene."""
+
+import ctypes.util
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.formation.convoy import world_of
+
+CONFIG = wb.ConvoyConfig(drive="planar", seed=1)
+
+_GL = """
+import sys
+import numpy as np
+import workbench as wb
+from workbench.arena.gl import GLCamera
+from workbench.formation.convoy import world_of
+with GLCamera(world_of(wb.ConvoyConfig(drive="planar", seed=1))) as camera:
+    np.save(sys.argv[1], camera.picture())
+"""
+
+
+def _robots(pixels):
+    """Return where leader and followers are, by their colours: (2, height, width) flags."""
+    red, blue = (pixels[..., k].astype(int) for k in (0, 2))
+    return np.stack([red - blue > 60, blue - red > 60])
+
+
+def test_sensor_cones_lie_on_the_floor_around_the_robots_and_nowhere_else():
+    world = world_of(CONFIG)
+    plain, cones = wb.picture(world), wb.picture(world, sensors=True)
+    changed = np.any(plain != cones, axis=-1)
+    assert 0.003 < changed.mean() < 0.1
+    assert not np.any(changed & _robots(plain).any(axis=0))
+    rows, columns = np.nonzero(_robots(plain).any(axis=0))
+    there = np.argwhere(changed)
+    gap = np.abs(there[:, None, 0] - rows) + np.abs(there[:, None, 1] - columns)
+    assert gap.min(axis=1).max() < 40
+
+
+@pytest.mark.skipif(ctypes.util.find_library("EGL") is None, reason="no EGL library on this machine")
+def test_opengl_shows_the_same_scene(tmp_path):
+    environment = os.environ | {"MUJOCO_GL": "egl"}
+    done = subprocess.run(
+        [sys.executable, "-c", _GL, str(tmp_path / "gl.npy")], env=environment, capture_output=True, text=True, check=False
+    )  # fmt: skip
+    if done.returncode:
+        assert "no OpenGL here" in done.stderr, done.stderr
+        pytest.skip("EGL is installed and has no driver here")
+    fast, slow = (_robots(pixels) for pixels in (np.load(tmp_path / "gl.npy"), wb.picture(world_of(CONFIG))))
+    for a, b in zip(fast, slow, strict=True):
+        assert np.sum(a & b) / np.sum(a | b) > 0.75

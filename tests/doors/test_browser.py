@@ -1,0 +1,240 @@
+"""JupyterLab as people use it: a real server, a real Chromium, the first notebook from top to bottom, and the static pages.
+
+Where there is no Chromium the tests are left out, and say so. Screenshots are in runs/browser/.
+"""
+
+import contextlib
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import nbformat
+import psutil
+import pytest
+
+from workbench import paths
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+WHY = "BROWSER TESTS LEFT OUT: no chromium on this machine; install Debian's package chromium (or google-chrome) to run them"
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason=WHY),
+    pytest.mark.filterwarnings("default"),  # playwright's event loop and the server's sockets
+]
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+SHOTS = paths.RUNS / "browser"
+TOKEN = "workbench-test"
+MOVING_S = 8.0  # seconds over which frames and load are measured
+OUTSIDE = re.compile(r"net::ERR_|Failed to load resource")  # a page asks the network for something: nothing that we need
+
+
+@contextlib.contextmanager
+def _page(width=1100, height=1400):
+    from playwright.sync_api import sync_playwright
+
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.set_default_timeout(60_000)
+        errors = []
+        page.on("pageerror", lambda error: errors.append(f"page error: {error}"))
+        page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+        try:
+            yield page, errors
+        finally:
+            browser.close()
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """Start JupyterLab on a copy of the notebook and yield its process and address."""
+    folder = tmp_path_factory.mktemp("lab")
+    shutil.copy(paths.NOTEBOOKS / "00_start_here.ipynb", folder)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    environment = {key: value for key, value in os.environ.items() if key != "WORKBENCH_STATIC"} | {
+        "WORKBENCH_QUICK": "1", "JUPYTER_CONFIG_DIR": str(folder / "config"), "JUPYTER_DATA_DIR": str(folder / "data"),
+    }  # fmt: skip
+    command = [
+        sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", f"--port={port}", "--port-retries=0",
+        f"--IdentityProvider.token={TOKEN}", f"--ServerApp.root_dir={folder}",
+        "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate", "--LabApp.news_url=None",
+    ]  # fmt: skip
+    with open(folder / "server.log", "w") as log:
+        server = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+    try:
+        for _ in range(300):
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            assert server.poll() is None, (folder / "server.log").read_text()
+            time.sleep(0.2)
+        yield server, f"http://127.0.0.1:{port}", folder
+    finally:
+        for child in psutil.Process(server.pid).children(recursive=True):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                child.kill()
+        server.kill()
+        server.wait()
+
+
+def _kernel(server):
+    [kernel] = [
+        child for child in psutil.Process(server.pid).children(recursive=True)
+        if any("ipykernel_launcher" in part for part in child.cmdline())
+    ]  # fmt: skip
+    return kernel
+
+
+def _load(process, seconds):
+    """Return the share of one core that a process uses."""
+    before = sum(process.cpu_times()[:2])
+    time.sleep(seconds)
+    return (sum(process.cpu_times()[:2]) - before) / seconds
+
+
+def _run_all(page):
+    page.get_by_role("menuitem", name="Run", exact=True).click()
+    page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
+
+
+def _number(arena, name):
+    return float(arena.get_attribute(f"data-{name}") or 0)
+
+
+def _wait_for(condition, seconds, what):
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until, f"{what} did not happen within {seconds} s"
+        time.sleep(0.2)
+
+
+def _leader(arena):
+    return [float(value) for value in (arena.get_attribute("data-leader") or "0 0").split()]
+
+
+def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
+    server, address, folder = lab
+    with _page() as (page, errors):
+        page.goto(f"{address}/lab/tree/00_start_here.ipynb?token={TOKEN}")
+        page.wait_for_selector(".jp-Notebook .jp-CodeCell")
+        page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status=idle]")
+        _run_all(page)
+        code = [cell for cell in nbformat.read(folder / "00_start_here.ipynb", 4).cells if cell.cell_type == "code"]
+        done = f"[{len(code)}]:"
+        _wait_for(lambda: done in page.locator(".jp-InputPrompt").all_inner_texts(), 240, "running all cells")
+        assert page.locator(".jp-OutputArea-output[data-mime-type='application/vnd.jupyter.error']").count() == 0
+        arenas = page.locator(".wba")
+        assert arenas.count() == 3 and page.locator("img.widget-image").count() == 3
+        learning, driven, replayed = (arenas.nth(k) for k in range(3))
+
+        # the arena moves: five robots, live
+        learning.scroll_into_view_if_needed()
+        learning.locator(".play").click()
+        _wait_for(lambda: _number(learning, "periods") > 20, 30, "the arena moving")
+        load = _load(_kernel(server), MOVING_S)
+        frames = _number(learning, "frames-per-second")
+        with capsys.disabled():
+            print(f"\nlive arena, five robots: {frames:.0f} frames/s, kernel load {100 * load:.0f} % of a core")
+        assert frames > 0
+        page.screenshot(path=SHOTS / "1_learning.png")
+
+        # an interrupt of the kernel does not stop it, and two arenas run side by side
+        page.locator("[data-command='notebook:interrupt-kernel']").first.click()
+        driven.scroll_into_view_if_needed()
+        driven.locator("canvas").first.click(position={"x": 60, "y": 60})
+        start, before = _leader(driven), _number(learning, "periods")
+        page.keyboard.down("ArrowUp")
+        page.keyboard.down("a")
+        page.wait_for_timeout(1500)
+        page.keyboard.up("a")
+        page.wait_for_timeout(4500)
+        page.screenshot(path=SHOTS / "2_driven.png")
+        page.keyboard.up("ArrowUp")
+        _wait_for(lambda: sum((a - b) ** 2 for a, b in zip(_leader(driven), start, strict=True)) > 0.2**2, 5, "keys driving")
+        assert _number(learning, "periods") > before + 20
+        page.wait_for_timeout(3000)
+        stopped = _leader(driven)
+        page.wait_for_timeout(2000)
+        assert _leader(driven) == pytest.approx(stopped, abs=0.01)  # nothing held: it stands still
+
+        # the joystick drives, too, and the drive can be saved
+        stick = driven.locator(".stick").bounding_box()
+        page.mouse.move(stick["x"] + 55, stick["y"] + 55)
+        page.mouse.down()
+        page.mouse.move(stick["x"] + 40, stick["y"] + 8)
+        page.wait_for_timeout(4000)
+        page.mouse.up()
+        _wait_for(lambda: _leader(driven) != pytest.approx(stopped, abs=0.05), 5, "the joystick driving")
+        driven.locator(".save").click()
+        _wait_for(lambda: "saved" in driven.locator(".said").inner_text(), 30, "saving the drive")
+
+        # scrubbing back shows the past
+        replayed.scroll_into_view_if_needed()
+        replayed.locator(".speed").select_option("10")
+        replayed.locator(".play").click()
+        _wait_for(lambda: _number(replayed, "periods") >= 300, 30, "replaying the recorded drive")
+        _wait_for(lambda: "play" in replayed.locator(".play").inner_text(), 20, "the replay's end")
+        last = replayed.locator("canvas").first.screenshot()
+        replayed.locator(".scrub").fill("30")
+        page.wait_for_timeout(300)
+        assert replayed.locator(".clock").inner_text() == "3.0 s" and replayed.locator("canvas").first.screenshot() != last
+
+        # sliders change pictures
+        for number in range(3):
+            shown = page.locator("img.widget-image").nth(number)
+            shown.scroll_into_view_if_needed()
+            picture = shown.get_attribute("src")
+            box = page.locator(".widget-vbox").nth(number)
+            box.locator(".noUi-handle").first.focus()
+            page.keyboard.press("ArrowLeft")
+            _wait_for(
+                lambda shown=shown, picture=picture: shown.get_attribute("src") != picture, 20, "a slider changing its picture"
+            )
+            page.screenshot(path=SHOTS / f"3_panel_{number}.png")
+
+        # a reloaded page finds its arenas again, with what was shown, and they go on
+        page.keyboard.press("Control+s")
+        page.wait_for_timeout(1500)
+        count = _number(learning, "periods")
+        page.reload()
+        page.wait_for_selector(".wba", timeout=90_000)
+        again = page.locator(".wba").first
+        again.scroll_into_view_if_needed()
+        _wait_for(lambda: _number(again, "periods") >= count, 30, "the history after a reload")
+        again.locator(".play").click()
+        _wait_for(lambda: _number(again, "periods") > count + 20, 30, "going on after a reload")
+        page.screenshot(path=SHOTS / "4_reloaded.png")
+        serious = [error for error in errors if not OUTSIDE.search(error)]
+        assert not serious, serious
+
+
+@pytest.mark.parametrize("path", sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb")), ids=lambda path: path.stem)
+def test_a_static_page_of_every_notebook_shows_every_picture_at_700_pixels(path, tmp_path):
+    from nbconvert import HTMLExporter
+
+    page_file = tmp_path / f"{path.stem}.html"
+    page_file.write_text(HTMLExporter().from_filename(str(path))[0], encoding="utf-8")
+    notebook = nbformat.read(path, 4)
+    outputs = [out for cell in notebook.cells if cell.cell_type == "code" for out in cell.outputs]
+    pictures = sum("image/png" in out.get("data", {}) for out in outputs)
+    with _page(width=700, height=1000) as (page, errors):
+        page.goto(Path(page_file).as_uri(), wait_until="domcontentloaded")
+        images = page.locator(".jp-OutputArea-output img")
+        assert images.count() == pictures > 0
+        boxes = images.evaluate_all("all => all.map(i => [i.complete && i.naturalWidth > 100, i.getBoundingClientRect().right])")
+        assert all(whole and right <= 700 for whole, right in boxes)
+        assert "widget" not in page.locator("body").inner_html()[:0] and page.locator(".jupyter-widgets").count() == 0
+        page.screenshot(path=SHOTS / f"static_{path.stem}.png", full_page=True)
+        serious = [error for error in errors if not OUTSIDE.search(error) and "require" not in error]
+        assert not serious, serious

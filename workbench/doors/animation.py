@@ -1,0 +1,59 @@
+"""A scene as an animated PNG, drawn by the ray-cast camera: the same bytes on every machine of a kind, no OpenGL needed.
+
+    save_animation(StoredScene.of_run(run), "convoy.png", start_s=10, seconds=6)
+
+Contract: one picture per ``every`` control periods; colours are reduced to one palette, so that a README can hold it.
+"""
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from workbench.arena.picture import picture
+from workbench.doors.scenes import LiveScene, StoredScene
+from workbench.formation.convoy import world_of
+from workbench.robot.geometry import CONTROL_PERIOD
+
+COLOURS = 96
+
+
+def pictures(scene: LiveScene | StoredScene, frames: range, **view: Any) -> Iterator[NDArray[np.uint8]]:
+    """Yield pictures (height, width, 3) of a scene's frames; ``view``: see ``arena.picture.picture``."""
+    shown = scene.frames
+    world = world_of(scene.config)
+    for t in frames:
+        for robot, (x, y, heading) in enumerate(shown[t, :, :3].tolist()):
+            world.place(0, robot, x, y, heading)
+        yield picture(world, **view)
+
+
+def save_animation(
+    scene: LiveScene | StoredScene, path: str | Path, *, start_s: float = 0.0, seconds: float = 6.0, every: int = 1, **view: Any
+) -> Path:
+    """Write an animated PNG that repeats for ever, at the speed at which it happened.
+
+    Raises:
+        ValueError: the scene is shorter than that, or the path does not end in .png.
+    """
+    path = Path(path)
+    first, last = round(start_s / CONTROL_PERIOD), round((start_s + seconds) / CONTROL_PERIOD)
+    if path.suffix != ".png":
+        raise ValueError(f"path = {str(path)!r}; expected a name that ends in .png: an animated PNG is one")
+    if not 0 <= first < last <= len(scene.frames):
+        raise ValueError(
+            f"start_s = {start_s!r}, seconds = {seconds!r}; the scene has {len(scene.frames) * CONTROL_PERIOD:.1f} s"
+        )
+    images = [Image.fromarray(pixels) for pixels in pictures(scene, range(first, last, every), **view)]
+    palette = images[0].quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    buffer = io.BytesIO()
+    small[0].save(
+        buffer, format="PNG", save_all=True, append_images=small[1:], duration=round(1000 * every * CONTROL_PERIOD), loop=0
+    )
+    path.write_bytes(buffer.getvalue())
+    return path

@@ -1,0 +1,356 @@
+// The live arena's face: draws frames on a canvas, asks the kernel for more while it plays, sends what a person does.
+// The kernel counts control periods and knows nothing of screens; everything here that moves between two of them is interpolated.
+
+const STYLE = `
+.wba { font: 13px/1.35 system-ui, sans-serif; color: #222; max-width: 700px; outline: none; background: #fff; padding: 4px; }
+.wba:focus-within { box-shadow: 0 0 0 2px #0072B2; }
+.wba canvas { display: block; width: 100%; border: 1px solid #ccc; background: #f4f3f0; touch-action: none; }
+.wba .row { display: flex; flex-wrap: wrap; gap: 6px; align-items: center; margin: 4px 0; }
+.wba button, .wba select, .wba input[type=text] { font: inherit; padding: 2px 8px; }
+.wba input[type=range] { flex: 1; min-width: 120px; }
+.wba .said { min-height: 1.35em; color: #444; }
+.wba .title { font-weight: 600; }
+.wba .view { position: relative; }
+.wba .stick { position: absolute; right: 10px; bottom: 10px; width: 110px; height: 110px; border: none; border-radius: 50%; background: rgba(255,255,255,0.8); }
+`;
+const LEADER = "#D55E00", FOLLOWER = "#0072B2", LOST = "#000000";
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 30];
+
+function element(parent, tag, properties = {}) {
+  const made = document.createElement(tag);
+  Object.assign(made, properties);
+  parent.appendChild(made);
+  return made;
+}
+
+function face(el) {
+  el.classList.add("wba-host");
+  element(el, "style", { textContent: STYLE });
+  const box = element(el, "div", { className: "wba", tabIndex: 0 });
+  box.dataset.lmSuppressShortcuts = "true"; // JupyterLab's own keys stay out of it
+  const title = element(box, "div", { className: "title" });
+  const view = element(box, "div", { className: "view" });
+  const canvas = element(view, "canvas");
+  const stick = element(view, "canvas", { className: "stick" });
+  const row = element(box, "div", { className: "row" });
+  const play = element(row, "button", { textContent: "▶ play", className: "play" });
+  const step = element(row, "button", { textContent: "step", className: "step" });
+  const speed = element(row, "select", { className: "speed", title: "simulated seconds per second" });
+  for (const value of SPEEDS) element(speed, "option", { value, textContent: `× ${value}`, selected: value === 1 });
+  const scrub = element(row, "input", { type: "range", min: 0, max: 0, value: 0, step: 1, className: "scrub", title: "time" });
+  const clock = element(row, "span", { className: "clock" });
+  const second = element(box, "div", { className: "row" });
+  const shown = {};
+  for (const name of ["trails", "tiles", "sensors"]) {
+    const label = element(second, "label");
+    shown[name] = element(label, "input", { type: "checkbox", checked: true, className: name });
+    label.appendChild(document.createTextNode(` ${name}`));
+  }
+  const restart = element(second, "button", { textContent: "restart", className: "restart" });
+  const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "file name", className: "name" });
+  const save = element(second, "button", { textContent: "save drive", className: "save" });
+  const said = element(box, "div", { className: "said" });
+  return { box, title, canvas, stick, play, step, speed, scrub, clock, shown, restart, name, save, said };
+}
+
+function render({ model, el }) {
+  const ui = face(el);
+  const about = model.get("about");
+  const index = Object.fromEntries(about.fields.map((field, k) => [field, k]));
+  const width = about.fields.length, robots = about.robots;
+  const state = {
+    frames: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
+    joystick: [0, 0], keys: new Set(), last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
+  };
+  ui.title.textContent = model.get("title");
+  for (const part of [ui.name, ui.save, ui.stick]) part.style.display = state.drive ? "" : "none";
+  ui.restart.style.display = model.get("live") ? "" : "none";
+  if (state.drive) ui.said.textContent = "Click here, then drive with the arrow keys or W A S D, or drag the round stick. ";
+
+  // --- talking to the kernel -------------------------------------------------------------------------------------------------
+  function ask(periods) {
+    state.asked = performance.now();
+    const [turn, speed] = state.joystick;
+    model.send({ type: "advance", periods, turn, speed, generation: state.generation, have: state.frames.length });
+  }
+  function hear(message, buffers) {
+    if (message.type === "frames") {
+      if (message.restarted) { state.frames = []; state.cursor = 0; state.centre = null; state.over = false; }
+      state.generation = message.generation;
+      state.asked = 0;
+      state.over = message.over;
+      const bytes = buffers[0];
+      const numbers = new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
+      const size = width * robots;
+      for (let k = 0; k * size < numbers.length; k++) state.frames[message.first + k] = numbers.subarray(k * size, (k + 1) * size);
+      ui.scrub.max = Math.max(0, state.frames.length - 1);
+      if (message.history && model.get("live")) state.cursor = state.frames.length - 1; // a new page goes on where the last one was
+    } else if (message.type === "said") {
+      ui.said.textContent = message.text;
+      state.asked = 0;
+      if (message.stop) pause();
+    }
+  }
+  model.on("msg:custom", hear);
+  model.send({ type: "history" });
+
+  // --- what a person does ----------------------------------------------------------------------------------------------------
+  function pause() { state.playing = false; ui.play.textContent = "▶ play"; }
+  function start() {
+    if (state.over && state.cursor >= state.frames.length - 1) state.cursor = 0;
+    state.playing = true;
+    ui.play.textContent = "❚❚ pause";
+  }
+  ui.play.onclick = () => (state.playing ? pause() : start());
+  ui.step.onclick = () => {
+    pause();
+    state.cursor = Math.floor(state.cursor) + 1;
+    if (state.cursor > state.frames.length - 1 && !state.over) ask(1);
+    else state.cursor = Math.min(state.cursor, Math.max(0, state.frames.length - 1));
+  };
+  ui.scrub.oninput = () => { pause(); state.cursor = Number(ui.scrub.value); };
+  ui.restart.onclick = () => { pause(); model.send({ type: "restart" }); };
+  ui.save.onclick = () => { pause(); ui.said.textContent = "saving …"; model.send({ type: "save", name: ui.name.value }); };
+
+  const KEYS = {
+    ArrowUp: [0, 1], w: [0, 1], ArrowDown: [0, -1], s: [0, -1], ArrowLeft: [1, 0], a: [1, 0], ArrowRight: [-1, 0], d: [-1, 0],
+  };
+  function held() {
+    let turn = 0, speed = 0;
+    for (const key of state.keys) { turn += KEYS[key][0]; speed += KEYS[key][1]; }
+    state.joystick = [Math.max(-1, Math.min(1, turn)), Math.max(-1, Math.min(1, speed))];
+  }
+  ui.box.addEventListener("keydown", (event) => {
+    if (event.target === ui.name || event.target === ui.speed) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (state.drive && key in KEYS && event.target !== ui.scrub) {
+      state.keys.add(key);
+      held();
+      if (!state.playing) start();
+      event.preventDefault();
+      event.stopPropagation();
+    } else if (key === " " && event.target === ui.box) {
+      ui.play.click();
+      event.preventDefault();
+      event.stopPropagation();
+    }
+  });
+  ui.box.addEventListener("keyup", (event) => {
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (state.keys.delete(key)) held();
+  });
+  ui.box.addEventListener("focusout", () => { if (state.keys.size) { state.keys.clear(); held(); } }); // no key sticks
+  function drag(event) {
+    const box = ui.stick.getBoundingClientRect();
+    const x = (2 * (event.clientX - box.left)) / box.width - 1, y = (2 * (event.clientY - box.top)) / box.height - 1;
+    const clip = (value) => Math.max(-1, Math.min(1, value / 0.8));
+    state.joystick = [-clip(x), -clip(y)];
+    if (!state.playing) start();
+  }
+  ui.stick.onpointerdown = (event) => { ui.stick.setPointerCapture(event.pointerId); ui.stick.onpointermove = drag; drag(event); ui.box.focus(); };
+  ui.stick.onpointerup = ui.stick.onpointercancel = () => { ui.stick.onpointermove = null; state.joystick = [0, 0]; };
+  ui.canvas.onpointerdown = () => ui.box.focus();
+
+  // --- drawing ---------------------------------------------------------------------------------------------------------------
+  const xs = about.line.map((p) => p[0]), ys = about.line.map((p) => p[1]);
+  const margin = 1.5 * about.bounds.middle;
+  const world = [Math.min(...xs) - margin, Math.max(...xs) + margin, Math.min(...ys) - margin, Math.max(...ys) + margin];
+  const draw = ui.canvas.getContext("2d");
+
+  function between(cursor) { // [x, y, heading] of all robots, and the frame whose readings count
+    const k = Math.max(0, Math.min(Math.floor(cursor), state.frames.length - 1));
+    const a = state.frames[k], b = state.frames[Math.min(k + 1, state.frames.length - 1)], part = Math.min(1, Math.max(0, cursor - k));
+    const poses = [];
+    for (let i = 0; i < robots; i++) {
+      const o = i * width;
+      const far = Math.hypot(b[o] - a[o], b[o + 1] - a[o + 1]) > 6 * about.radius; // put somewhere else: no gliding
+      const f = far ? 0 : part;
+      let turn = b[o + 2] - a[o + 2];
+      turn = Math.atan2(Math.sin(turn), Math.cos(turn));
+      poses.push([a[o] + f * (b[o] - a[o]), a[o + 1] + f * (b[o + 1] - a[o + 1]), a[o + 2] + f * turn]);
+    }
+    return [poses, a, k];
+  }
+
+  function paint() {
+    const ratio = window.devicePixelRatio || 1;
+    const w = ui.canvas.clientWidth || 690;
+    const h = Math.round(Math.min(w * 0.72, (w * (world[3] - world[2])) / (world[1] - world[0])));
+    if (ui.canvas.width !== Math.round(w * ratio) || ui.canvas.height !== Math.round(h * ratio)) {
+      ui.canvas.width = Math.round(w * ratio);
+      ui.canvas.height = Math.round(h * ratio);
+      ui.canvas.style.height = `${h}px`;
+    }
+    draw.setTransform(ratio, 0, 0, ratio, 0, 0);
+    draw.clearRect(0, 0, w, h);
+    if (!state.frames.length) { draw.fillStyle = "#444"; draw.fillText("waiting for the kernel …", 12, 20); return; }
+    const [poses, frame, k] = between(state.cursor);
+    const scale = Math.min(w / (world[1] - world[0]), h / (world[3] - world[2]));
+    const home = [(world[0] + world[1]) / 2, (world[2] + world[3]) / 2];
+    const reach = [w / scale / 2 - about.radius * 2, h / scale / 2 - about.radius * 2];
+    const middle = [0, 1].map((axis) => poses.reduce((sum, pose) => sum + pose[axis], 0) / robots);
+    const outside = poses.some((pose) => Math.abs(pose[0] - home[0]) > reach[0] || Math.abs(pose[1] - home[1]) > reach[1]);
+    const goal = outside ? middle : home; // who drives away is followed
+    state.centre = state.centre || goal.slice();
+    for (const axis of [0, 1]) state.centre[axis] += 0.08 * (goal[axis] - state.centre[axis]);
+    const X = (x) => w / 2 + scale * (x - state.centre[0]), Y = (y) => h / 2 - scale * (y - state.centre[1]);
+
+    draw.beginPath();
+    about.line.forEach((p, n) => (n ? draw.lineTo(X(p[0]), Y(p[1])) : draw.moveTo(X(p[0]), Y(p[1]))));
+    draw.closePath();
+    draw.lineWidth = Math.max(2, scale * about.line_width);
+    draw.strokeStyle = "#4a4a4a";
+    draw.globalAlpha = about.free ? 0.15 : 0.55;
+    draw.stroke();
+    draw.globalAlpha = 1;
+
+    if (ui.shown.trails.checked) {
+      const first = Math.max(0, k - 300);
+      for (let i = 0; i < robots; i++) {
+        draw.beginPath();
+        for (let n = first; n <= k; n += 2) {
+          const o = i * width, f = state.frames[n];
+          if (!f) continue;
+          if (n === first) draw.moveTo(X(f[o]), Y(f[o + 1])); else draw.lineTo(X(f[o]), Y(f[o + 1]));
+        }
+        draw.lineTo(X(poses[i][0]), Y(poses[i][1]));
+        draw.lineWidth = 1.2;
+        draw.setLineDash(i === 0 ? [] : [7, 2 * i]);
+        draw.strokeStyle = i === 0 ? LEADER : FOLLOWER;
+        draw.globalAlpha = 0.75;
+        draw.stroke();
+        draw.setLineDash([]);
+        draw.globalAlpha = 1;
+      }
+    }
+    const tiles = ui.shown.tiles.checked;
+    for (let i = 1; i < robots && tiles; i++) paintBounds(poses[i], X, Y, scale);
+    for (let i = 0; i < robots; i++) {
+      if (ui.shown.sensors.checked) paintSensors(poses[i], frame, i, X, Y, scale);
+      paintRobot(poses[i], frame, i, X, Y, scale);
+    }
+    for (let i = 1; i < robots && tiles; i++) paintTile(poses[i], frame, i, X, Y, scale);
+  }
+
+  function sector(pose, X, Y, scale, near, far, right, left) { // between two distances and two bearings, seen from a robot
+    const [x, y, heading] = pose;
+    draw.beginPath();
+    draw.arc(X(x), Y(y), scale * far, -(heading + left), -(heading + right));
+    draw.arc(X(x), Y(y), scale * near, -(heading + right), -(heading + left), true);
+    draw.closePath();
+  }
+  function paintBounds(pose, X, Y, scale) {
+    const { distance, bearing } = about.bounds;
+    sector(pose, X, Y, scale, distance[0], distance[1], -bearing, bearing);
+    draw.fillStyle = "rgba(0, 114, 178, 0.06)";
+    draw.fill();
+    draw.lineWidth = 0.7;
+    draw.strokeStyle = "rgba(0, 0, 0, 0.25)";
+    draw.stroke();
+  }
+  function paintTile(pose, frame, i, X, Y, scale) {
+    const tile = frame[i * width + index.state];
+    if (!about.tiles || tile < 0) return;
+    const columns = about.tiles.bearing.length - 1, row = Math.floor(tile / columns), column = tile % columns;
+    const d = about.tiles.distance, b = about.tiles.bearing;
+    sector(pose, X, Y, scale, d[row], d[row + 1], b[column], b[column + 1]);
+    draw.fillStyle = "rgba(240, 193, 75, 0.5)";
+    draw.fill();
+    draw.strokeStyle = "#222";
+    draw.lineWidth = 1;
+    draw.stroke();
+  }
+  function paintSensors(pose, frame, i, X, Y, scale) {
+    const [x, y, heading] = pose, spread = 0.22;
+    about.sensors.forEach((angle, k) => {
+      const reading = frame[i * width + index.ps0 + k];
+      const share = Math.min(1, Math.log(1 + Math.max(0, reading)) / Math.log(4096));
+      const cx = x + about.ring * Math.cos(heading + angle), cy = y + about.ring * Math.sin(heading + angle);
+      const length = about.radius * (0.35 + 1.9 * share);
+      draw.beginPath();
+      draw.moveTo(X(cx), Y(cy));
+      draw.arc(X(cx), Y(cy), scale * length, -(heading + angle + spread), -(heading + angle - spread));
+      draw.closePath();
+      draw.fillStyle = `rgba(204, 60, 120, ${0.12 + 0.6 * share})`;
+      draw.fill();
+    });
+  }
+  function paintRobot(pose, frame, i, X, Y, scale) {
+    const [x, y, heading] = pose;
+    const away = i > 0 && frame[i * width + index.phase] !== 0;
+    draw.beginPath();
+    draw.arc(X(x), Y(y), scale * about.radius, 0, 2 * Math.PI);
+    draw.fillStyle = i === 0 ? LEADER : FOLLOWER;
+    draw.globalAlpha = away ? 0.35 : 0.9;
+    draw.fill();
+    draw.globalAlpha = 1;
+    draw.lineWidth = away ? 2.5 : 1;
+    draw.setLineDash(away ? [4, 3] : []);
+    draw.strokeStyle = LOST;
+    draw.stroke();
+    draw.setLineDash([]);
+    draw.beginPath();
+    draw.moveTo(X(x), Y(y));
+    draw.lineTo(X(x + 0.95 * about.radius * Math.cos(heading)), Y(y + 0.95 * about.radius * Math.sin(heading)));
+    draw.strokeStyle = "#fff";
+    draw.lineWidth = 3;
+    draw.stroke();
+    draw.fillStyle = "#fff";
+    draw.font = `bold ${Math.max(9, 0.75 * scale * about.radius)}px sans-serif`;
+    draw.textAlign = "center";
+    draw.textBaseline = "middle";
+    const back = 0.35 * about.radius;
+    draw.fillText(i === 0 ? "L" : String(i), X(x - back * Math.cos(heading)), Y(y - back * Math.sin(heading)));
+    draw.textAlign = "start";
+    draw.textBaseline = "alphabetic";
+  }
+  function paintStick() {
+    const pad = ui.stick, ink = pad.getContext("2d");
+    pad.width = pad.height = 110;
+    ink.strokeStyle = "#555";
+    ink.beginPath();
+    ink.arc(55, 55, 53, 0, 2 * Math.PI);
+    ink.stroke();
+    ink.fillStyle = LEADER;
+    ink.beginPath();
+    ink.arc(55 - 38 * state.joystick[0], 55 - 38 * state.joystick[1], 15, 0, 2 * Math.PI);
+    ink.fill();
+    ink.fillStyle = "#333";
+    ink.fillText("drive", 42, 16);
+  }
+
+  // --- the clock -------------------------------------------------------------------------------------------------------------
+  function tick(now) {
+    if (state.closed) return;
+    const passed = Math.min(0.25, (now - (state.last || now)) / 1000);
+    state.last = now;
+    if (state.playing && state.frames.length) {
+      const pace = Number(ui.speed.value) / about.period; // periods per second
+      const latest = state.frames.length - 1;
+      state.cursor = Math.min(state.cursor + passed * pace, latest);
+      const ahead = Math.max(2, Math.ceil(0.2 * pace));
+      const late = state.asked && now - state.asked > 3000;
+      if (late) ui.said.textContent = "the kernel is busy; the arena goes on as soon as it answers";
+      if (!state.over && latest - state.cursor < ahead && (!state.asked || late)) ask(Math.min(100, Math.max(1, Math.ceil(0.1 * pace))));
+      if (state.over && state.cursor >= latest) pause();
+    }
+    if (ui.canvas.isConnected && ui.canvas.offsetParent !== null) { paint(); if (state.drive) paintStick(); state.drawn++; }
+    if (!ui.scrub.matches(":active")) ui.scrub.value = Math.floor(state.cursor);
+    ui.clock.textContent = `${(state.cursor * about.period).toFixed(1)} s`;
+    if (now - state.counted >= 1000) {
+      const rate = (1000 * state.drawn) / (now - state.counted);
+      state.drawn = 0;
+      state.counted = now;
+      ui.box.dataset.framesPerSecond = rate.toFixed(1);
+      ui.box.dataset.periods = String(state.frames.length);
+      const newest = state.frames[state.frames.length - 1];
+      if (newest) ui.box.dataset.leader = `${newest[0].toFixed(3)} ${newest[1].toFixed(3)}`;
+    }
+    requestAnimationFrame(tick);
+  }
+  state.counted = performance.now();
+  requestAnimationFrame(tick);
+  return () => { state.closed = true; model.off("msg:custom", hear); };
+}
+
+export default { render };
