@@ -20,7 +20,7 @@ import pytest
 from workbench import paths
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-WHY = "BROWSER TESTS LEFT OUT: no chromium on this machine; install Debian's package chromium (or google-chrome) to run them"
+WHY = "BROWSER TESTS: no chromium on this machine; install Debian's package chromium (or google-chrome) to run them"
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason=WHY),

@@ -1,13 +1,12 @@
 """A scene as an animated PNG, drawn by the ray-cast camera: the same bytes on every machine of a kind, no OpenGL needed.
 
-    save_animation(StoredScene.of_run(run), "convoy.png", start_s=10, seconds=6)
+    Path("convoy.png").write_bytes(animated_png(StoredScene.of_run(run), start_s=10, seconds=6))
 
 Contract: one picture per ``every`` control periods; colours are reduced to one palette, so that a README can hold it.
 """
 
 import io
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,18 +31,15 @@ def pictures(scene: LiveScene | StoredScene, frames: range, **view: Any) -> Iter
         yield picture(world, **view)
 
 
-def save_animation(
-    scene: LiveScene | StoredScene, path: str | Path, *, start_s: float = 0.0, seconds: float = 6.0, every: int = 1, **view: Any
-) -> Path:
-    """Write an animated PNG that repeats for ever, at the speed at which it happened.
+def animated_png(
+    scene: LiveScene | StoredScene, *, start_s: float = 0.0, seconds: float = 6.0, every: int = 1, **view: Any
+) -> bytes:
+    """Return an animated PNG that repeats for ever, at the speed at which it happened; ``view``: see ``arena.picture.picture``.
 
     Raises:
-        ValueError: the scene is shorter than that, or the path does not end in .png.
+        ValueError: the scene is shorter than that.
     """
-    path = Path(path)
     first, last = round(start_s / CONTROL_PERIOD), round((start_s + seconds) / CONTROL_PERIOD)
-    if path.suffix != ".png":
-        raise ValueError(f"path = {str(path)!r}; expected a name that ends in .png: an animated PNG is one")
     if not 0 <= first < last <= len(scene.frames):
         raise ValueError(
             f"start_s = {start_s!r}, seconds = {seconds!r}; the scene has {len(scene.frames) * CONTROL_PERIOD:.1f} s"
@@ -55,5 +51,4 @@ def save_animation(
     small[0].save(
         buffer, format="PNG", save_all=True, append_images=small[1:], duration=round(1000 * every * CONTROL_PERIOD), loop=0
     )
-    path.write_bytes(buffer.getvalue())
-    return path
+    return buffer.getvalue()

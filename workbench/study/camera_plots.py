@@ -75,7 +75,7 @@ def budget(table: pd.DataFrame, ax: Axes, *, column: str, label: str) -> Axes:
         middle, high = part[f"{column}_median_{unit}"].to_numpy(), part[f"{column}_p95_{unit}"].to_numpy()
         ax.errorbar(
             x, middle, yerr=[np.zeros(len(x)), high - middle], color=CYCLE[number], marker=MARKERS[number], linestyle="none",
-            capsize=3, label=f"{conditions}, calibration {calibration}",
+            capsize=3, label=f"{conditions}, calibration {'exact' if calibration == 'exact' else 'off'}",
         )  # fmt: skip
     ax.set_xticks(range(len(names)), names)
     ax.set(xlabel="distance from the middle (m)", ylabel=label, ylim=(0, None))

@@ -45,7 +45,7 @@ def error_measures(world: World, config: ConvoyConfig, *, formation: int = 0, fo
     middle = heading + bearing / 2
     ax.annotate(
         rf"$o_{{err}}$ = {math.degrees(bearing):+.1f}°", (x + 0.085 * math.cos(middle), y + 0.085 * math.sin(middle)),
-        xytext=(40, -22), textcoords="offset points", arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+        xytext=(-24, -40), textcoords="offset points", arrowprops={"arrowstyle": "-", "linewidth": 0.7},
     )  # fmt: skip
     error_mm = 1000 * (distance - config.middle_m)
     ax.annotate(
@@ -73,7 +73,7 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
         colours.append("#F0C14B" if state == best else ("#f7f7f7" if (i + j) % 2 else NEVER))
     ax.add_collection(PatchCollection(wedges, facecolor=colours, edgecolor="#777777", linewidth=0.6))
     for number, shifted in enumerate(config.grids()[1:]):
-        _fan_lines(ax, shifted, 1000 * config.middle_m, CYCLE[number % len(CYCLE)])
+        _fan_lines(ax, shifted, 1000 * config.middle_m, CYCLE[number % len(CYCLE)], ("-", "--", ":")[number % 3])
     ax.add_patch(Circle((0, 0), 1000 * geometry.BODY_RADIUS, facecolor=CYCLE[0], alpha=0.4, edgecolor=CYCLE[0]))
     ax.add_patch(FancyArrowPatch((0, 0), (0, 55), arrowstyle="-|>", mutation_scale=12, color=CYCLE[0]))
     ax.add_patch(Circle((0, 1000 * config.middle_m), 1000 * geometry.BODY_RADIUS, fill=False, linestyle="--", edgecolor=CYCLE[1]))
@@ -87,15 +87,17 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _fan_lines(ax: Axes, grid: TileGrid, middle_mm: float, colour: str) -> None:
+def _fan_lines(ax: Axes, grid: TileGrid, middle_mm: float, colour: str, line: str) -> None:
     """Draw the inner edges of a grid of distance errors and bearings as arcs and rays."""
     distance, bearing = grid.tilings
     radii, angles = 1000 * distance.edges + middle_mm, np.degrees(bearing.edges) + 90
     for radius in radii[1:-1]:
-        ax.add_patch(Arc((0, 0), 2 * radius, 2 * radius, theta1=angles[0], theta2=angles[-1], color=colour, linewidth=0.6))
+        ax.add_patch(
+            Arc((0, 0), 2 * radius, 2 * radius, theta1=angles[0], theta2=angles[-1], color=colour, linewidth=0.8, linestyle=line)
+        )
     for angle in np.radians(angles[1:-1]):
         ends = np.outer([radii[0], radii[-1]], [math.cos(angle), math.sin(angle)])
-        ax.plot(ends[:, 0], ends[:, 1], color=colour, linewidth=0.6)
+        ax.plot(ends[:, 0], ends[:, 1], color=colour, linewidth=0.8, linestyle=line)
 
 
 def circle_geometry(radius_m: float, distance_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -124,7 +126,7 @@ def circle_following(
     ax.plot(line_bearing, 1000 * line_radius, color="#999999", label=f"geometry for d = {1000 * distance_m:.0f} mm")
     keep = math.degrees(math.asin(distance_m / (2 * leader_radius_m)))
     cut = math.sqrt(leader_radius_m**2 - distance_m**2)
-    for place, text, shift in (((keep, leader_radius_m), "keep the circle", (-82, -3)), ((0.0, cut), "cut in", (10, -4))):
+    for place, text, shift in (((keep, leader_radius_m), "keep the circle", (-82, -3)), ((0.0, cut), "cut in", (12, -16))):
         ax.plot(place[0], 1000 * place[1], "x", color="black", markersize=8, markeredgewidth=2, zorder=5)
         ax.annotate(text, (place[0], 1000 * place[1]), xytext=shift, textcoords="offset points", fontsize=8.5)
     for number, name in enumerate(bearing_deg):

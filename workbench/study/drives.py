@@ -20,6 +20,7 @@ from workbench.formation.convoy import Convoy
 from workbench.robot.motors import motor_speed, twist
 
 _TICK = 0.02  # s, the time step that both drives can show
+_FINDING = 20  # control periods in which the leader finds the line
 
 
 def drive_path(drive: str, left: int, right: int, seconds: float) -> pd.DataFrame:
@@ -89,7 +90,8 @@ def leader_on_the_line(config: ConvoyConfig, seeds: Sequence[int], *, seconds: f
 
     Returns:
         (summary, path): per seed the RMS and 99th percentile of its axle's distance from the juddered line, the largest one,
-        and the RMS distance of line and of leader from the nominal loop, all in mm; and the first seed's driven path with
+        and the RMS distance of line and of leader from the nominal loop, all in mm and without the first 2 s, as the leader
+        starts on the loop and not on the line; and the first seed's driven path with
         columns t_s, x_m, y_m, from_line_mm, from_loop_mm.
     """
     convoy = Convoy(replace(config, followers=1), seeds, periods=round(seconds / 0.1))
@@ -102,10 +104,17 @@ def leader_on_the_line(config: ConvoyConfig, seeds: Sequence[int], *, seconds: f
     for b, (seed, track) in enumerate(zip(seeds, convoy.world.tracks, strict=True)):
         points = np.column_stack([driven[b]["x"], driven[b]["y"]]).astype(float)
         off, loop = 1000 * track.deviation(points), 1000 * track.deviation(points, nominal=True)
-        away = np.abs(off)
+        away = np.abs(off[_FINDING:])
         judder = 1000 * float(np.sqrt(np.mean(track.offset**2)))
         lines.append(
-            (seed, float(np.sqrt(np.mean(off**2))), float(np.quantile(away, 0.99)), float(away.max()), judder, float(loop.std()))
+            (
+                seed,
+                float(np.sqrt(np.mean(away**2))),
+                float(np.quantile(away, 0.99)),
+                float(away.max()),
+                judder,
+                float(loop[_FINDING:].std()),
+            )
         )
         if b == 0:
             t = 0.1 * np.arange(len(points))

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from workbench import fields, paths
 from workbench.study.runs import Run
 from workbench.study.storage import read_json, write_json
-from workbench.study.style import style
+from workbench.study.style import legible, style
 
 try:
     import fcntl
@@ -61,15 +61,25 @@ def save_figure(
     Raises:
         ValueError: the name is not a plain file name.
     """
-    if not name or not all(letter.isalnum() or letter in "_-" for letter in name):
-        raise ValueError(f"name = {name!r}; expected letters, digits, _ and - only: it becomes a file name")
+    _check_name(name)
     if paths.QUICK:
         return []
-    target = folder or paths.FIGURES
-    target.mkdir(parents=True, exist_ok=True)
-    contents: dict[str, bytes] = {f"{name}.png": _draw(fig, "png")}
+    contents = {f"{name}.png": png(fig)}
     if svg:
         contents[f"{name}.svg"] = _draw(fig, "svg")
+    return _write(name, contents, numbers, sources, folder or paths.FIGURES)
+
+
+def _check_name(name: str) -> None:
+    if not name or not all(letter.isalnum() or letter in "_-" for letter in name):
+        raise ValueError(f"name = {name!r}; expected letters, digits, _ and - only: it becomes a file name")
+
+
+def _write(
+    name: str, contents: dict[str, bytes], numbers: pd.DataFrame | Mapping[str, Any], sources: Sequence[Run], target: Path
+) -> list[Path]:
+    """Write a figure's files, its numbers and its row in the manifest."""
+    target.mkdir(parents=True, exist_ok=True)
     table = numbers if isinstance(numbers, pd.DataFrame) else pd.DataFrame(dict(numbers))
     contents[f"{name}.csv"] = table.to_csv(index=False, float_format="%.10g", lineterminator="\n").encode()
     for file, content in contents.items():
@@ -84,6 +94,16 @@ def save_figure(
         manifest = read_json(target / MANIFEST) if (target / MANIFEST).is_file() else {}
         write_json(target / MANIFEST, dict(sorted((manifest | {name: row}).items())))
     return [target / file for file in contents]
+
+
+def publish_png(
+    content: bytes, name: str, *, numbers: pd.DataFrame | Mapping[str, Any], sources: Sequence[Run] = (), width: int = 640
+) -> Image:
+    """Write a picture that is a PNG already, an animated one for example, as ``save_figure`` does a figure; return it."""
+    _check_name(name)
+    if not paths.QUICK:
+        _write(name, {f"{name}.png": content}, numbers, sources, paths.FIGURES)
+    return Image(content, width=width)
 
 
 def publish(
@@ -153,11 +173,12 @@ def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> li
 
 
 def png(fig: Figure) -> bytes:
-    """Return the PNG of a figure; the same figure gives the same bytes."""
+    """Return the PNG of a figure, its text legible on a page; the same figure gives the same bytes."""
     return _draw(fig, "png")
 
 
 def _draw(fig: Figure, kind: str) -> bytes:
+    legible(fig)
     buffer = io.BytesIO()
     metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
     with style():  # also fixes the salt of SVG's identifiers: without it they are random

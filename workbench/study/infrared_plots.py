@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 
 from workbench.formation.config import ConvoyConfig
 from workbench.robot.infrared import (
@@ -73,7 +74,7 @@ def draw_targets(table: pd.DataFrame, threshold: float, ax: Axes) -> Axes:
         mm = 1000 * part["distance_m"]
         ax.plot(mm, part["counts"], linestyle=("-", "--", ":", "-.")[number], color=CYCLE[number], label=target)
         ax.fill_between(mm, part["low"], part["high"], color=CYCLE[number], alpha=0.15, linewidth=0)
-    ax.axhline(threshold, color="#777777", linestyle=":", linewidth=1)
+    ax.axhline(threshold, color="#777777", linewidth=0.8)
     ax.text(215, 1.1 * threshold, "threshold of sight", fontsize=8, color="#555555")
     ax.set_yscale("log")
     ax.set(xlabel="distance between centres (mm)", ylabel="each front sensor (counts)", xlim=(70, 600), ylim=(2, 5000))
@@ -106,8 +107,9 @@ def draw_bounds(
     ax.contourf(*place, values, levels=(levels[-1], 2e6), colors=["#e8e8e8"], hatches=["///"])
     limit, (low, high) = np.degrees(config.bearing_limit_rad), config.distance_m
     ax.plot(
-        [-limit, limit, limit, -limit, -limit], [1000 * low, 1000 * low, 1000 * high, 1000 * high, 1000 * low], color="#D55E00"
-    )
+        [-limit, limit, limit, -limit, -limit], [1000 * low, 1000 * low, 1000 * high, 1000 * high, 1000 * low],
+        color="white", linewidth=2, path_effects=[withStroke(linewidth=4, foreground="black")],
+    )  # fmt: skip
     ax.set(xlabel="bearing (°)", ylabel="distance between centres (mm)")
     assert ax.figure is not None
     ax.figure.colorbar(shades, ax=ax, label=label, ticks=levels)

@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.formation.config import ConvoyConfig
@@ -61,7 +62,7 @@ def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: A
                 dark = norm(value) < 0.6
                 ax.text(
                     (bearing[j] + bearing[j + 1]) / 2, (distance[i] + distance[i + 1]) / 2, _percent(value), ha="center",
-                    va="center", fontsize=6.5, color="white" if dark else "black",
+                    va="center", fontsize=8, color="white" if dark else "black",
                 )  # fmt: skip
     bar = ax.figure.colorbar(mesh, ax=ax, label="share of visits (log scale; grey: never)")
     bar.set_ticks([10.0**k for k in range(-6, 1)], labels=["0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
@@ -88,6 +89,7 @@ def frame_block(ax: Axes, config: ConvoyConfig, place: Sequence[int], size: int,
             linestyle="-" if size > 1 else "--",
             label=label,
             zorder=5,
+            path_effects=[withStroke(linewidth=4.0, foreground="white")],
         )  # fmt: skip
     )
 
@@ -107,12 +109,13 @@ def learning_curves(
     ax = ax or new_axes(6.2, 3.5)
     for number, (name, group) in enumerate(blocks.groupby(by, sort=False)):
         for _, run in group.groupby("seed"):
-            ax.plot(run["updates"] / 1e6, run[value], color=CYCLE[number], linewidth=0.5, alpha=0.35)
+            ax.plot(run["updates"] / 1e6, run[value], color=CYCLE[number], linewidth=0.7, alpha=0.5)
         middle = group.groupby("block")[["updates", value]].median()
         seeds = group["seed"].nunique()
         ax.plot(
             middle["updates"] / 1e6, middle[value], color=CYCLE[number], marker=MARKERS[number], markersize=4,
-            markevery=max(len(middle) // 8, 1), label=f"{name} (n = {seeds} seeds; thick: median, thin: each seed)",
+            linestyle=("-", "--")[number % 2], markevery=max(len(middle) // 8, 1),
+            label=f"{name} (n = {seeds} seeds; thick: median, thin: each seed)",
         )  # fmt: skip
     if symlog:
         ax.set_yscale("symlog", linthresh=symlog)
@@ -163,6 +166,7 @@ def value_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes 
     best = policy.values()[table].max(axis=1).reshape(config.state_tiles)
     values = np.ma.masked_equal(best, config.learner.theta0)
     ax.set_facecolor(NEVER)
+    ax.patch.set(hatch="///", edgecolor="#bbbbbb")
     mesh = ax.pcolormesh(bearing, distance, values, cmap="viridis", edgecolors="white", linewidth=0.4)
     ax.figure.colorbar(mesh, ax=ax, label="value of the state, max over actions of θ")
     _tile_axes(ax, config)
@@ -184,13 +188,26 @@ def policy_map(policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes
     speed, turn = np.array([twist(float(a), float(b)) for a, b in zip(left, right, strict=True)]).T
     seen = (policy.values()[table].max(axis=1) != config.learner.theta0).reshape(config.state_tiles)
     ax.set_facecolor(NEVER)
+    ax.patch.set(hatch="///", edgecolor="#bbbbbb")
     shown = np.ma.masked_where(~seen, 1000 * speed.reshape(config.state_tiles))
     span = 1000 * np.array(config.wheel_speed_mps)
     mesh = ax.pcolormesh(bearing, distance, shown, cmap="viridis", norm=Normalize(*span), edgecolors="white", linewidth=0.4)
     x, y = np.meshgrid((bearing[:-1] + bearing[1:]) / 2, (distance[:-1] + distance[1:]) / 2)
     lean = np.clip(turn / 1.2, -1, 1).reshape(config.state_tiles) * math.pi / 2
     at = seen
-    ax.quiver(x[at], y[at], -np.sin(lean)[at], np.cos(lean)[at], pivot="mid", angles="uv", scale=14, width=0.006, color="white")
+    ax.quiver(
+        x[at],
+        y[at],
+        -np.sin(lean)[at],
+        np.cos(lean)[at],
+        pivot="mid",
+        angles="uv",
+        scale=14,
+        width=0.008,
+        color="white",
+        edgecolor="black",
+        linewidth=0.6,
+    )
     ax.figure.colorbar(mesh, ax=ax, label="greedy forward speed in mm/s")
     _tile_axes(ax, config)
     return ax
@@ -213,8 +230,10 @@ def trails(
     for robot in range(samples.shape[1]):
         name = names[robot] if names else ("leader" if robot == 0 else f"follower {robot}")
         path = samples[:, robot]
-        ax.plot(path["x"], path["y"], color=CYCLE[robot % len(CYCLE)], linewidth=1.1, label=name)
-        ax.plot(path["x"][-1], path["y"][-1], MARKERS[robot % len(MARKERS)], color=CYCLE[robot % len(CYCLE)], markersize=5)
+        ax.plot(
+            path["x"], path["y"], color=CYCLE[robot % len(CYCLE)], linewidth=1.1, label=name, markersize=6,
+            marker=MARKERS[robot % len(MARKERS)], markevery=[len(path) - 1],
+        )  # fmt: skip
     ax.set_aspect("equal")
     ax.set_xlabel("x in m")
     ax.set_ylabel("y in m")

@@ -1,6 +1,7 @@
 """Plots of the robot: motor speeds, drive models beside exact rolling, the leader on its line, the drive beside recordings."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -51,11 +52,17 @@ def speed_after_a_step(paths: Mapping[str, pd.DataFrame], *, ax: Axes | None = N
 
 
 def paths_in_the_plane(paths: Mapping[str, pd.DataFrame], *, ax: Axes | None = None) -> Axes:
-    """Draw paths with columns x_m and y_m, by name; a cross marks the end."""
+    """Draw paths with columns x_m and y_m, by name; marks stand at their ends, which an inset enlarges (mm from their middle)."""
     ax = ax or new_axes(4.6, 3.6)
+    ends = {name: path[["x_m", "y_m"]].iloc[-1].to_numpy() for name, path in paths.items()}
+    middle = np.mean(list(ends.values()), axis=0)
+    inset = ax.inset_axes((0.36, 0.3, 0.3, 0.34))
     for number, (name, path) in enumerate(paths.items()):
-        ax.plot(path["x_m"], path["y_m"], color=CYCLE[number], linestyle=("-", "--", ":")[number % 3], label=name)
-        ax.plot(path["x_m"].iloc[-1], path["y_m"].iloc[-1], "x", color=CYCLE[number], markersize=7)
+        look: dict[str, Any] = {"color": CYCLE[number], "marker": MARKERS[number], "markerfacecolor": "none"}
+        ax.plot(path["x_m"], path["y_m"], linestyle=("-", "--", ":")[number % 3], label=name, markevery=[len(path) - 1], **look)
+        inset.plot(*(1000 * (ends[name] - middle)), markersize=8, linestyle="none", **look)
+    inset.set(xlim=(-5, 5), ylim=(-5, 5), aspect="equal", xticks=(-4, 0, 4), yticks=(-4, 0, 4))
+    inset.set_title("ends, mm", fontsize=8.5)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x in m")
     ax.set_ylabel("y in m")

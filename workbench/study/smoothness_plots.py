@@ -53,11 +53,11 @@ def transfer_curves(
         wavelength = 1 / found.frequency
         inside = (wavelength >= wavelengths_m[0] - 1e-9) & (wavelength <= wavelengths_m[1] + 1e-9)
         style: dict[str, Any] = {"color": CYCLE[number], "marker": MARKERS[number], "markersize": 4, "linewidth": 1.0}
+        style["linestyle"] = ("-", "-.", ":")[number % 3]
         gain.plot(wavelength[inside], found.gain[inside], label=name, **style)
         coherence.plot(wavelength[inside], found.coherence[inside], label=name, **style)
     at = np.linspace(*wavelengths_m, 100)
     gain.plot(at, tractrix_gain(distance_m, at), color="#333333", linestyle="--", linewidth=1.4, label="tractrix, formula")
-    gain.axhline(1.0, color="#999999", linewidth=0.8, linestyle=":")
     gain.set_ylim(bottom=0)
     gain.set_ylabel("gain |H₁|, follower 1 over leader")
     coherence.axhline(0.8, color="#999999", linewidth=0.8, linestyle=":")

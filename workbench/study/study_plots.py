@@ -12,6 +12,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from workbench.study.style import CYCLE, MARKERS, new_axes, note
 
+LINES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (8, 2)))
 BAND = "mean, 95 % bootstrap interval over seeds"
 
 
@@ -39,11 +40,11 @@ def curves(
     span = max(at.values()) - min(at.values()) or 1.0
     for number, case in enumerate(cases):
         part = summary[summary[by] == case]
-        shift = 0.008 * span * (number - (len(cases) - 1) / 2)
+        shift = (0.008 if len(cases) < 4 else 0.02) * span * (number - (len(cases) - 1) / 2)
         spread = np.array([part["value"] - part["low"], part["high"] - part["value"]])
         ax.errorbar(
             part[x].map(at) + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number],
-            markersize=5, linestyle=("-", "--", ":", "-.")[number % 4], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
+            markersize=5, linestyle=LINES[number % len(LINES)], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
         )  # fmt: skip
     if log:
         ax.set_yscale("log")

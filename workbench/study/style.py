@@ -12,6 +12,8 @@ import matplotlib as mpl
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.text import Text
 
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
@@ -20,7 +22,7 @@ INK = "#333333"
 
 RC: Any = {
     "figure.dpi": 110, "savefig.dpi": 160, "figure.constrained_layout.use": True, "figure.facecolor": "white",
-    "font.size": 9.5, "axes.labelsize": 9.5, "axes.titlesize": 10, "legend.fontsize": 8.5,
+    "font.size": 9.5, "axes.labelsize": 9.5, "axes.titlesize": 10, "legend.fontsize": 9,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": INK, "axes.labelcolor": INK,
     "xtick.color": INK, "ytick.color": INK, "text.color": INK, "legend.frameon": False, "lines.linewidth": 1.6,
     "axes.prop_cycle": cycler(color=CYCLE), "image.cmap": "viridis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
@@ -39,6 +41,24 @@ def new_axes(width_in: float = 5.0, height_in: float = 4.0) -> Axes:
     return Figure(figsize=(width_in, height_in), layout="constrained").add_subplot()
 
 
+def legible(fig: Figure, width_in: float = 7.0) -> None:
+    """Enlarge the text of a figure that is wider than a page (7 inches at 700 pixels), so that it can be read there; once."""
+    factor = (fig.get_figwidth() / width_in) ** 0.7
+    if factor <= 1.0 or getattr(fig, "_legible", False):
+        return
+    fig._legible = True  # type: ignore[attr-defined]  # ours
+    for ax in fig.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            size = axis.get_tick_params().get("labelsize") or mpl.rcParams["xtick.labelsize"]
+            axis.set_tick_params(labelsize=factor * FontProperties(size=size).get_size_in_points())
+            axis.offsetText.set_fontsize(factor * axis.offsetText.get_fontsize())
+    ticks = {text for ax in fig.axes for text in (*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both"))}
+    for text in fig.findobj(Text):
+        assert isinstance(text, Text)
+        if text not in ticks:
+            text.set_fontsize(factor * text.get_fontsize())
+
+
 def note(ax: Axes, text: str) -> None:
     """Write n and what a band means under the axes' title line, small."""
-    ax.set_title(text, loc="left", fontsize=8, color="#555555")
+    ax.set_title(text, loc="left", fontsize=9, color="#555555")

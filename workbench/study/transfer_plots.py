@@ -28,12 +28,13 @@ def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
     ax.imshow(share, aspect="auto", norm=SHARES)
     for (row, column), count in np.ndenumerate(losses):
         ink = "black" if SHARES(share[row, column]) > 0.6 else "white"
-        ax.text(column, row, f"{count:.0f}", ha="center", va="center", fontsize=7.5, color=ink)
+        ax.text(column, row, f"{count:.0f}", ha="center", va="center", fontsize=9, color=ink)
     ax.set_yticks(range(len(trainings)), trainings)
     ax.set_xticks(range(len(worlds)), [f"{seed}\n{delay / 10:.1f}" for seed, delay in worlds.items()])
     ax.tick_params(length=0)
+    ax.axvline((worlds == 0).sum() - 0.5, color="white", linewidth=2.5)  # to the right of it commands come late
     ax.set_xlabel("number of the world; its commands late by (s)")
-    note(ax, f"emulated · {table['route'].iloc[0]} · {table['table'].iloc[0]}")
+    note(ax, f"emulated · {table['route'].iloc[0]} · {table['table'].iloc[0]} · numbers: losses in 30 min")
     return ax
 
 
