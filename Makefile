@@ -1,7 +1,7 @@
 # Everything sets itself up in .venv; nothing but Python (3.11 to 3.13) and make is needed.
 #   make figures   the experiment, every notebook, figures/        make test   all checks
 #   make studies   every study (data/studies/), then figures       make check-figures   what would change, and by how much
-#   make lab       JupyterLab on the notebooks                     make clean  remove .venv and cached runs
+#   make lab       JupyterLab, first notebook                     make clean  remove .venv and cached runs
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -26,7 +26,7 @@ test: $(READY)
 	$(BIN)/python -W error -m pytest
 
 lab: $(READY)
-	$(BIN)/jupyter lab --notebook-dir=notebooks
+	$(BIN)/jupyter lab --notebook-dir=. notebooks/00_start_here.ipynb
 
 $(READY): environment.txt pyproject.toml
 	$(PYTHON) -m venv .venv

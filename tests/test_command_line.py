@@ -118,18 +118,29 @@ def test_the_public_surface_is_small_and_sorted_out():
     assert all(getattr(wb, name).__doc__ for name in names)
 
 
-def test_the_readme_s_comparison_with_a_classical_law_runs(capsys):
+def _example(mark):
+    """Return the README's Python example that has a mark in it."""
     text = (wb.paths.ROOT / "README.md").read_text(encoding="utf-8")
-    example = text.split("```python\n")[2].split("```")[0]
+    [example] = [part.split("```")[0] for part in text.split("```python\n")[1:] if mark in part.split("```")[0]]
+    return example
+
+
+def test_the_readme_s_comparison_with_a_classical_law_runs(capsys):
+    example = _example("wb.judder(motion)")
     exec(compile(example.replace("minutes=20", "minutes=2"), "README example", "exec"), {})  # noqa: S102
     assert "excess" in (shown := capsys.readouterr().out) and "turn_rms_deg_s" in shown
 
 
 def test_the_readme_s_example_runs():
-    text = (wb.paths.ROOT / "README.md").read_text(encoding="utf-8")
-    example = text.split("```python\n")[1].split("```")[0]
+    example = _example("run.save(")
     assert len(example.strip().splitlines()) <= 12
     quick = example.replace("1_300_000", "3_000").replace("minutes=30", "minutes=1").replace("runs/mine", "unused")
     scope: dict[str, object] = {}
     exec(compile(quick.replace("run.save", "str"), "README example", "exec"), scope)  # noqa: S102
     assert scope["run"].summary["steps"] == 3_000  # type: ignore[attr-defined]
+
+
+def test_the_readme_s_examples_of_playing_and_of_ones_own_run():
+    for mark in ("wb.play(", "wb.ConvoyEnv("):
+        quick = _example(mark).replace("100_000", "3_000").replace("minutes=10", "minutes=1")
+        exec(compile(quick, "README example", "exec"), {})  # noqa: S102

@@ -244,7 +244,7 @@ def test_the_joystick_drives_and_saving_takes_plain_names_only(tmp_path):
     [(said, _)] = ear.tell(type="save", name="drive.txt")
     assert "expected a name that ends in .csv" in said["text"]
     [(said, _)] = ear.tell(type="save", name="drive.csv")
-    assert "saved 3.1 s in drive.csv" in said["text"] and (tmp_path / "drive.csv").is_file()
+    assert "saved 3.1 s; wb.play(" in said["text"] and (tmp_path / "drive.csv").is_file()
 
 
 def test_divergence_is_said_on_the_page_and_stops_it():

@@ -14,6 +14,11 @@ const STYLE = `
 .wba .stick { position: absolute; right: 10px; bottom: 10px; width: 110px; height: 110px; border: none; border-radius: 50%; background: rgba(255,255,255,0.8); }
 `;
 const LEADER = "#D55E00", FOLLOWER = "#0072B2", LOST = "#000000";
+const SHOWN = {
+  trails: "where each robot drove in the last 30 s", tiles: "where a follower may see the robot in front, and the tile that it is in",
+  sensors: "the eight infrared sensors; the longer and darker, the more they read",
+};
+const DASHES = [[], [8, 4], [8, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3]];
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 30];
 
 function element(parent, tag, properties = {}) {
@@ -34,23 +39,24 @@ function face(el) {
   const stick = element(view, "canvas", { className: "stick" });
   const row = element(box, "div", { className: "row" });
   const play = element(row, "button", { textContent: "▶ play", className: "play" });
-  const step = element(row, "button", { textContent: "step", className: "step" });
+  const step = element(row, "button", { textContent: "step", className: "step", title: "one tenth of a second" });
   const speed = element(row, "select", { className: "speed", title: "simulated seconds per second" });
   for (const value of SPEEDS) element(speed, "option", { value, textContent: `× ${value}`, selected: value === 1 });
-  const scrub = element(row, "input", { type: "range", min: 0, max: 0, value: 0, step: 1, className: "scrub", title: "time" });
+  const scrub = element(row, "input", { type: "range", min: 0, max: 0, value: 0, step: 1, className: "scrub", title: "drag to see it again; play goes on from there", ariaLabel: "time" });
   const clock = element(row, "span", { className: "clock" });
+  const count = element(box, "div", { className: "count", title: "how often a follower's bounds were left" });
   const second = element(box, "div", { className: "row" });
   const shown = {};
   for (const name of ["trails", "tiles", "sensors"]) {
-    const label = element(second, "label");
+    const label = element(second, "label", { title: SHOWN[name] });
     shown[name] = element(label, "input", { type: "checkbox", checked: true, className: name });
     label.appendChild(document.createTextNode(` ${name}`));
   }
-  const restart = element(second, "button", { textContent: "restart", className: "restart" });
-  const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "file name", className: "name" });
+  const restart = element(second, "button", { textContent: "restart", className: "restart", title: "begin again; what was learned is forgotten" });
+  const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "name of the file that the drive is saved in", className: "name" });
   const save = element(second, "button", { textContent: "save drive", className: "save" });
   const said = element(box, "div", { className: "said" });
-  return { box, title, canvas, stick, play, step, speed, scrub, clock, shown, restart, name, save, said };
+  return { box, title, canvas, stick, play, step, speed, scrub, clock, count, shown, restart, name, save, said };
 }
 
 function render({ model, el }) {
@@ -59,7 +65,7 @@ function render({ model, el }) {
   const index = Object.fromEntries(about.fields.map((field, k) => [field, k]));
   const width = about.fields.length, robots = about.robots;
   const state = {
-    frames: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
+    frames: [], tallied: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
     joystick: [0, 0], keys: new Set(), last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
   };
   ui.title.textContent = model.get("title");
@@ -75,7 +81,7 @@ function render({ model, el }) {
   }
   function hear(message, buffers) {
     if (message.type === "frames") {
-      if (message.restarted) { state.frames = []; state.cursor = 0; state.centre = null; state.over = false; }
+      if (message.restarted) { state.frames = []; state.tallied = []; state.cursor = 0; state.centre = null; state.over = false; }
       state.generation = message.generation;
       state.asked = 0;
       state.over = message.over;
@@ -153,7 +159,7 @@ function render({ model, el }) {
 
   // --- drawing ---------------------------------------------------------------------------------------------------------------
   const xs = about.line.map((p) => p[0]), ys = about.line.map((p) => p[1]);
-  const margin = 1.5 * about.bounds.middle;
+  const margin = about.bounds.middle;
   const world = [Math.min(...xs) - margin, Math.max(...xs) + margin, Math.min(...ys) - margin, Math.max(...ys) + margin];
   const draw = ui.canvas.getContext("2d");
 
@@ -175,7 +181,7 @@ function render({ model, el }) {
   function paint() {
     const ratio = window.devicePixelRatio || 1;
     const w = ui.canvas.clientWidth || 690;
-    const h = Math.round(Math.min(w * 0.72, (w * (world[3] - world[2])) / (world[1] - world[0])));
+    const h = Math.round(Math.min(w * 0.8, (w * (world[3] - world[2])) / (world[1] - world[0])));
     if (ui.canvas.width !== Math.round(w * ratio) || ui.canvas.height !== Math.round(h * ratio)) {
       ui.canvas.width = Math.round(w * ratio);
       ui.canvas.height = Math.round(h * ratio);
@@ -214,8 +220,8 @@ function render({ model, el }) {
           if (n === first) draw.moveTo(X(f[o]), Y(f[o + 1])); else draw.lineTo(X(f[o]), Y(f[o + 1]));
         }
         draw.lineTo(X(poses[i][0]), Y(poses[i][1]));
-        draw.lineWidth = 1.2;
-        draw.setLineDash(i === 0 ? [] : [7, 2 * i]);
+        draw.lineWidth = i === 0 ? 2 : 1.3;
+        draw.setLineDash(DASHES[i % DASHES.length]);
         draw.strokeStyle = i === 0 ? LEADER : FOLLOWER;
         draw.globalAlpha = 0.75;
         draw.stroke();
@@ -230,6 +236,7 @@ function render({ model, el }) {
       paintRobot(poses[i], frame, i, X, Y, scale);
     }
     for (let i = 1; i < robots && tiles; i++) paintTile(poses[i], frame, i, X, Y, scale);
+    for (let i = 0; i < robots; i++) paintLabel(poses[i], i, X, Y, scale);
   }
 
   function sector(pose, X, Y, scale, near, far, right, left) { // between two distances and two bearings, seen from a robot
@@ -289,8 +296,11 @@ function render({ model, el }) {
     draw.strokeStyle = LOST;
     draw.stroke();
     draw.setLineDash([]);
+  }
+  function paintLabel(pose, i, X, Y, scale) {
+    const [x, y, heading] = pose;
     draw.beginPath();
-    draw.moveTo(X(x), Y(y));
+    draw.moveTo(X(x + 0.3 * about.radius * Math.cos(heading)), Y(y + 0.3 * about.radius * Math.sin(heading)));
     draw.lineTo(X(x + 0.95 * about.radius * Math.cos(heading)), Y(y + 0.95 * about.radius * Math.sin(heading)));
     draw.strokeStyle = "#fff";
     draw.lineWidth = 3;
@@ -303,6 +313,14 @@ function render({ model, el }) {
     draw.fillText(i === 0 ? "L" : String(i), X(x - back * Math.cos(heading)), Y(y - back * Math.sin(heading)));
     draw.textAlign = "start";
     draw.textBaseline = "alphabetic";
+  }
+  function tally() { // losses up to every frame, all followers together
+    for (let k = state.tallied.length; k < state.frames.length; k++) {
+      let lost = k ? state.tallied[k - 1] : 0;
+      const now = state.frames[k], before = state.frames[k - 1];
+      for (let i = 1; before && i < robots; i++) lost += now[i * width + index.phase] !== 0 && before[i * width + index.phase] === 0;
+      state.tallied.push(lost);
+    }
   }
   function paintStick() {
     const pad = ui.stick, ink = pad.getContext("2d");
@@ -337,6 +355,9 @@ function render({ model, el }) {
     if (ui.canvas.isConnected && ui.canvas.offsetParent !== null) { paint(); if (state.drive) paintStick(); state.drawn++; }
     if (!ui.scrub.matches(":active")) ui.scrub.value = Math.floor(state.cursor);
     ui.clock.textContent = `${(state.cursor * about.period).toFixed(1)} s`;
+    if (state.frames.length > state.tallied.length) tally();
+    const upTo = Math.floor(state.cursor), lost = state.tallied[upTo] || 0, earlier = state.tallied[Math.max(0, upTo - 600)] || 0;
+    ui.count.textContent = `leaders lost: ${lost}, ${lost - earlier} of them in the last minute`;
     if (now - state.counted >= 1000) {
       const rate = (1000 * state.drawn) / (now - state.counted);
       state.drawn = 0;

@@ -108,9 +108,9 @@ def infrared_explorer(
         _cells(fig.add_subplot(grid[1, :]), config, tile)
         words = "blinded by the light, and it notices" if blind else "nothing is seen"
         if seen:
-            words = f"it takes that for {1000 * believed:.0f} mm and {math.degrees(towards):+.0f}°"
+            words = f"it takes that for {1000 * believed:.0f} mm and {round(math.degrees(towards)):+d}°"
         where = f"state {tile}" if tile >= 0 else "no tile"
-        fig.suptitle(f"robot in front at {distance_mm:.0f} mm and {bearing_deg:+.0f}°; {words}: {where}")
+        fig.suptitle(f"robot in front at {distance_mm:.0f} mm and {round(bearing_deg):+d}°; {words}: {where}")
     return fig
 
 

@@ -2,7 +2,8 @@
 
 Both axes run from -1 to 1: ``turn`` is positive to the left, ``speed`` positive forwards. The leader
 
-* drives at most nine tenths of the followers' fastest level, so that they can also catch up, and never backwards into them;
+* drives at most as fast as the leader of the configuration, behind which its followers learned (and at most nine tenths of their
+  fastest level, so that they can also catch up), and never backwards into them;
 * where followers cannot stand still (their slowest level is above 0), does not drive more slowly than that level either;
 * turns by at most 1 rad/s, with both wheels within what followers can do;
 * changes its speed by at most 0.1 m/s² (times the robot's pace against an e-puck's).
@@ -37,7 +38,7 @@ class Helm:
     def __init__(self, config: ConvoyConfig) -> None:
         low, high = config.wheel_speed_mps
         self._robot, self._high = config.robot, high
-        self.fastest = SHARE * high
+        self.fastest = min(SHARE * high, config.leader_speed_mps)
         self.slowest = min(max(low, 0.0), self.fastest)
         self._change = ACCELERATION * config.robot.most_mps / EPUCK.most_mps * CONTROL_PERIOD
         self.speed_mps = self.slowest

@@ -88,7 +88,7 @@ def tile_panel() -> Any:
     """Return the tile explorer."""
     return panel(
         tile_explorer, spacing=Choice(("uniform", "logarithmic")), distance_tiles=Slider(3, 15, 2, 9),
-        bearing_tiles=Slider(3, 15, 2, 9), inner_mm=Slider(1.0, 8.0, 0.5, 3.0, "middle tile (logarithmic): ± mm"),
+        bearing_tiles=Slider(3, 15, 2, 9), inner_mm=Slider(1.0, 8.0, 0.5, 3.0, "middle tile, ± mm (log.)"),
         tilings=Choice((1, 2, 4, 8), "offset tilings"),
     )  # fmt: skip
 
@@ -110,7 +110,7 @@ def learning_panel(history: History) -> Any:
 
     blocks = len(history.updates)
     return panel(
-        draw, block=Slider(1, blocks, 1, blocks, "block of 2 500 control periods"),
+        draw, block=Slider(1, blocks, 1, blocks, "block (250 s each)"),
         show=Choice(("all", "visits", "values", "actions")),
         follower=Choice(tuple(range(1, history.config.followers + 1)), "table of follower"),
     )  # fmt: skip

@@ -31,9 +31,11 @@ from workbench.doors.helm import Helm
 from workbench.formation.classical import CarrotPI, ControlLaw
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy, track_of
+from workbench.formation.own import OwnLaw
 from workbench.formation.policy import Policy
 from workbench.formation.reset import PHASES
 from workbench.formation.simulated import SimulatedRobot, sense
+from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import BEARINGS, RING, SENSORS
 from workbench.study.motion import Motion
@@ -61,7 +63,8 @@ def describe(config: ConvoyConfig, line: NDArray[np.float64], *, free: bool = Fa
         "line": np.round(thin, 4).tolist(), "line_width": config.track.line_width_m,
         "fields": list(FIELDS), "phases": list(PHASES),
         "bounds": {"distance": list(config.distance_m), "bearing": config.bearing_limit_rad, "middle": config.middle_m},
-        "tiles": tiles, "free": free, "ring": RING * config.robot.size, "sensors": BEARINGS.tolist(),
+        "tiles": tiles, "free": free, "ring": RING * config.robot.size,
+        "sensors": BEARINGS.tolist() if config.robot == EPUCK else [],
     }  # fmt: skip
 
 
@@ -121,6 +124,13 @@ def _frames_of(steps: NDArray[np.void], config: ConvoyConfig) -> Frames:
     return frames
 
 
+def _who(law: ControlLaw | None) -> str:
+    """Return who drives the followers, in words."""
+    if isinstance(law, OwnLaw):
+        return "your own law"
+    return f"law {law.name!r}" if law is not None else "nobody"
+
+
 class LiveScene:
     """A simulated convoy, one frame per control period.
 
@@ -170,7 +180,7 @@ class LiveScene:
         self._external = drive or commands is not None
         self.restart()
         self.about = describe(config, self.convoy.world.tracks[0].line, free=self._external)
-        who = "followers learn" if learn else ("a learned policy" if policy is not None else f"law {law.name!r}" if law else "")
+        who = "followers learn" if learn else ("a learned policy" if policy is not None else _who(law))
         self.title = f"live, simulated ({config.drive}): {who}" + ("; you drive the leader" if drive else "")
 
     def restart(self) -> None:

@@ -93,5 +93,6 @@ def still(scene: LiveScene | StoredScene, seconds: float) -> Image:
             scene.steer(0.45 * np.sin(t / 25), 1.0)  # what a person might do
             scene.advance()
     fig = Figure(figsize=(7.0, 6.2), layout="constrained")
-    draw_scene(scene, min(periods, len(scene.frames)) - 1, ax=fig.add_subplot())
+    ax = draw_scene(scene, min(periods, len(scene.frames)) - 1, ax=fig.add_subplot())
+    ax.set_title(ax.get_title(loc="left").replace("live, ", "").replace("you drive", "a script drives"), loc="left", fontsize=9)
     return Image(png(fig), width=700)

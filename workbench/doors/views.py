@@ -15,7 +15,7 @@ from workbench.study.style import CYCLE, INK, new_axes
 
 TRAIL = 300  # control periods
 _LEADER, _FOLLOWER, _TILE, _BEAM = CYCLE[1], CYCLE[0], CYCLE[4], CYCLE[3]
-_TRAILS = ("-", "--", "-.", ":")
+_TRAILS = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)))
 
 
 def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None = None) -> Axes:
@@ -39,14 +39,25 @@ def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None =
         path = frames[max(0, k - TRAIL) : k + 1, i]
         name = "leader" if i == 0 else f"follower {i}"
         colour = _LEADER if i == 0 else _FOLLOWER
-        ax.plot(path[:, 0], path[:, 1], color=colour, linewidth=1.1, linestyle=_TRAILS[i % len(_TRAILS)], label=f"way of {name}")
+        ax.plot(
+            path[:, 0],
+            path[:, 1],
+            color=colour,
+            linewidth=1.9 if i == 0 else 1.1,
+            linestyle=_TRAILS[i % len(_TRAILS)],
+            label=f"way of {name}",
+        )
         _robot(ax, frames[k, i], about, i)
     reach = 2.2 * about["bounds"]["middle"]
     ways = frames[max(0, k - TRAIL) : k + 1, :, :2].reshape(-1, 2)
     shown = ways if about["free"] else np.vstack([ways, line])  # who drives by hand may be far from the line
     low, high = shown.min(axis=0) - reach / 2, shown.max(axis=0) + reach / 2
+    grow = np.maximum(0.75 * (high - low)[::-1] - (high - low), 0.0) / 2  # not too flat, not too slim
+    low, high = low - grow, high + grow
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x in m", ylabel="y in m", aspect="equal")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize=9)
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
     ax.set_title(f"{scene.title} · {k * about['period']:.1f} s", loc="left", fontsize=9)
     return ax
 
@@ -72,7 +83,7 @@ def _robot(ax: Axes, now: Frames, about: dict[str, Any], i: int) -> None:
                alpha=0.4 if driving_back else 0.95, zorder=3)
     )  # fmt: skip
     c, s = radius * math.cos(heading), radius * math.sin(heading)
-    ax.plot([x + 0.35 * c, x + c], [y + 0.35 * s, y + s], color="white", linewidth=2, zorder=4)
+    ax.plot([x + 0.35 * c, x + c], [y + 0.35 * s, y + s], color="white", linewidth=2, zorder=5)
     ax.annotate(
         "L" if i == 0 else str(i),
         (x - 0.3 * c, y - 0.3 * s),

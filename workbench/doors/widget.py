@@ -118,4 +118,4 @@ class Arena(anywidget.AnyWidget):
             raise ValueError(f"name = {name!r}; expected a plain file name that ends in .csv")
         self.saved = str(self.scene.save_drive(self.folder / name))
         seconds = len(self.scene.commands) * self.about["period"]
-        self.send({"type": "said", "text": f"saved {seconds:.1f} s in {name}; play('{name}', policy=…) drives it again"})
+        self.send({"type": "said", "text": f"saved {seconds:.1f} s; wb.play({self.saved!r}, policy) drives it again"})

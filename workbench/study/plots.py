@@ -52,6 +52,7 @@ def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: A
     share = counts / max(counts.sum(), 1)
     distance, bearing = _edges(config)
     ax.set_facecolor(NEVER)
+    ax.patch.set(hatch="///", edgecolor="#bbbbbb")
     norm = LogNorm(1e-6, 1.0)
     mesh = ax.pcolormesh(
         bearing, distance, np.ma.masked_equal(share, 0), cmap="viridis", norm=norm, edgecolors="white", linewidth=0.6
@@ -62,7 +63,7 @@ def visit_map(visits: ArrayLike, config: ConvoyConfig, *, label: str = "", ax: A
                 dark = norm(value) < 0.6
                 ax.text(
                     (bearing[j] + bearing[j + 1]) / 2, (distance[i] + distance[i + 1]) / 2, _percent(value), ha="center",
-                    va="center", fontsize=8, color="white" if dark else "black",
+                    va="center", fontsize=8 if share.size > 30 else 11, color="white" if dark else "black",
                 )  # fmt: skip
     bar = ax.figure.colorbar(mesh, ax=ax, label="share of visits (log scale; grey: never)")
     bar.set_ticks([10.0**k for k in range(-6, 1)], labels=["0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
