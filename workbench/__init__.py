@@ -12,9 +12,9 @@ from .formation.classical import quantised_carrot as quantised_carrot
 from .formation.config import SETTINGS as SETTINGS
 from .formation.config import ConvoyConfig as ConvoyConfig
 from .formation.convoy import Convoy as Convoy
-from .formation.convoy import still_world as still_world
 from .formation.own import OwnLaw as OwnLaw
 from .formation.policy import Policy as Policy
+from .formation.stage import still_world as still_world
 from .learning.config import LearnerConfig as LearnerConfig
 from .learning.gq import GQ as GQ
 from .learning.gq import GreedyGQ as GreedyGQ

@@ -10,7 +10,10 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import workbench as wb
+from workbench.arena.camera_config import CameraConfig
 from workbench.doors.environments import FollowVectorEnv
+from workbench.formation.body import BodyConfig
+from workbench.robot.description import RobotConfig
 
 PLANAR = wb.ConvoyConfig(drive="planar")
 INFRARED = replace(wb.SETTINGS["infrared"], drive="planar")
@@ -35,8 +38,9 @@ def test_registered_ids_make_environments_that_pass_with_their_pictures(name):
     assert env.unwrapped.config.drive == ("planar" if name.endswith("Follow-v0") else "wheels")
     env.reset(seed=1)
     assert env.render().shape == (240, 320, 3)
-    vector = gymnasium.make_vec(name, num_envs=3, vectorization_mode="vector_entry_point")
+    vector = gymnasium.make_vec(name, num_envs=3, vectorization_mode="vector_entry_point", render_mode="rgb_array")
     seen, _ = vector.reset(seed=1)
+    assert [shown.shape for shown in vector.render()] == [(240, 320, 3)] * 3
     assert isinstance(vector.unwrapped, FollowVectorEnv) and seen.shape == (3, 2)
 
 
@@ -109,16 +113,17 @@ def test_an_episode_is_cut_after_its_time_and_is_no_terminal():
 
 
 def test_who_loses_the_leader_is_terminated_and_the_line_behind_and_before_is_truncated():
-    env = wb.ConvoyEnv(PLANAR)
-    env.reset(seed=1)
+    env = wb.ConvoyEnv(PLANAR, actions="continuous")
+    seen, _ = env.reset(seed=1)
     while env.agents:
         agents = list(env.agents)
-        actions = {agent: 0 if agent == "follower_2" else 24 for agent in agents}
-        _, rewards, terminated, truncated, _ = env.step(actions)
+        actions = {agent: np.clip([2 * u - v, 2 * u + v], -1, 1) for agent, (u, v) in seen.items()}
+        actions["follower_2"] = np.array([-1.0, -1.0])
+        seen, rewards, terminated, truncated, _ = env.step(actions)
     assert terminated["follower_2"] and rewards["follower_2"] == -10.0
     assert all(terminated[agent] != truncated[agent] for agent in agents)
     with pytest.raises(ValueError, match=r"expected one for each of \[\] \(none: reset first\)"):
-        env.step({"follower_1": 0})
+        env.step({"follower_1": np.zeros(2)})
 
 
 def test_continuous_speeds_reach_the_ends_of_the_levels():
@@ -139,6 +144,103 @@ def test_a_reward_of_ones_own_is_what_is_earned():
     assert env.config.reward == "own"
 
 
+def _camera(**options):
+    return replace(PLANAR, sensing="camera", camera=CameraConfig(**options))
+
+
+@pytest.mark.parametrize(
+    "config",
+    [_camera(every=3), _camera(dropout=0.3), replace(PLANAR, noise_distance_m=0.03), INFRARED],
+    ids=["every third picture", "a third hidden", "noise", "infrared"],
+)
+def test_every_episode_begins_with_the_leader_in_sight(config):
+    env, vector = wb.FollowEnv(config), FollowVectorEnv(4, config)
+    env.reset(seed=1)
+    for _ in range(60):
+        (u, v), _ = env.reset()
+        assert abs(u) < 1 and abs(v) < 1
+        assert env.step(24)[1] != 0.0
+    vector.reset(seed=1)
+    ended, begun = np.zeros(4, bool), 0
+    for _ in range(150):
+        seen, _, lost, cut, _ = vector.step(np.where(np.arange(4) % 2, 24, 0))
+        assert np.all(np.abs(seen[ended]) < 1) and not np.any((lost | cut)[ended])
+        begun, ended = begun + int(ended.sum()), lost | cut
+    assert begun > 4
+
+
+def test_an_ignored_action_leaves_no_trace_even_where_commands_come_late():
+    after = []
+    for ignored in (0, 48):
+        env = FollowVectorEnv(1, replace(PLANAR, body=BodyConfig(delay=2)))
+        env.reset(seed=1)
+        while not env.step(np.array([0]))[2][0]:
+            pass
+        env.step(np.array([ignored]))
+        after.append([env.step(np.array([24]))[0] for _ in range(4)])
+    np.testing.assert_array_equal(*after)
+
+
+def test_noise_is_drawn_anew_at_a_reset():
+    env = wb.FollowEnv(replace(PLANAR, noise_distance_m=0.005))
+    env.reset(seed=1)
+
+    def error(seen):
+        (x, y), (ahead_x, ahead_y) = (env.convoy.world.pose(0, robot)[:2] for robot in (1, 0))
+        return float(seen[0]) * PLANAR.half_range_m + PLANAR.middle_m - np.hypot(ahead_x - x, ahead_y - y)
+
+    pairs = []
+    for _ in range(60):
+        last = error(env.step(24)[0])
+        pairs.append((last, error(env.reset()[0])))
+    assert abs(np.corrcoef(np.array(pairs).T)[0, 1]) < 0.4
+
+
+def test_physics_that_became_unstable_stops_the_environment():
+    wild = wb.ConvoyConfig().with_robot(RobotConfig(mass_kg=500.0, inertia_kg_m2=(1e-7, 1e-7, 1e-7)))
+    env = FollowVectorEnv(2, wild)
+    env.reset(seed=1)
+    with pytest.raises(RuntimeError, match="the physics became unstable"):
+        for _ in range(100):
+            env.step(np.array([24, 24]))
+
+
+@pytest.mark.parametrize(
+    ("actions", "kind", "message"),
+    [
+        (-1, "discrete", r"actions = \[\[-1\]\]; expected whole numbers from 0 to 48"),
+        (49, "discrete", "expected whole numbers from 0 to 48"),
+        (2.5, "discrete", "expected whole numbers from 0 to 48"),
+        (np.array([np.nan, 0.0]), "continuous", "expected finite numbers from -1 to 1"),
+        (np.array([0.0]), "continuous", r"actions have shape \(1, 1, 1\); expected \(1, 1, 2\)"),
+    ],
+)
+def test_actions_that_are_none_are_refused(actions, kind, message):
+    env = wb.FollowEnv(PLANAR, actions=kind)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=message):
+        env.step(actions)
+    with pytest.raises(ValueError, match=r"actions have shape \(2, 1\); expected \(4, 1\)"):
+        vector = FollowVectorEnv(4)
+        vector.reset(seed=1)
+        vector.step(np.array([24, 24]))
+
+
+def test_what_has_not_begun_or_is_over_says_so():
+    env = wb.FollowEnv(PLANAR, seconds=0.1)
+    for call in (lambda: env.step(24), lambda: env.convoy):
+        with pytest.raises(RuntimeError, match="call reset\\(\\) first"):
+            call()
+    env.reset(seed=1)
+    assert env.step(24)[3]
+    with pytest.raises(RuntimeError, match="the episode is over; call reset"):
+        env.step(24)
+    with pytest.raises(TypeError, match="config is a dict; expected a ConvoyConfig"):
+        wb.FollowEnv({})
+    with pytest.raises(ValueError, match="expected one whole number"):
+        FollowVectorEnv(2).reset(seed=[1, 2])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -150,5 +252,11 @@ def test_a_reward_of_ones_own_is_what_is_earned():
     ],
 )
 def test_refusals_name_what_was_given_and_what_is_expected(options, message):
+    for config, said in (
+        (replace(PLANAR, reward="own"), "expected reward=, the function of the run"),
+        (replace(PLANAR, compute_time_s=0.04), "does not know how long its learner computes"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            wb.FollowEnv(config)
     with pytest.raises(ValueError, match=message):
         wb.FollowEnv(PLANAR, **options)

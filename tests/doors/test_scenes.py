@@ -9,10 +9,10 @@ import pytest
 
 import workbench as wb
 from workbench.doors.helm import SHARE, Helm
-from workbench.doors.scenes import FIELDS, LiveScene, StoredScene, load_drive
+from workbench.doors.scenes import FIELDS, LiveScene, StoredScene, load_drive, whole
 from workbench.doors.show import scene_of, still
 from workbench.doors.views import draw_scene
-from workbench.doors.widget import CHUNK, Arena, whole
+from workbench.doors.widget import CHUNK, Arena
 from workbench.formation.classical import CarrotPI
 from workbench.learning.config import LearnerConfig
 from workbench.robot.description import load_robot
@@ -41,7 +41,9 @@ def test_a_leader_by_hand_is_no_faster_than_its_followers_and_speeds_up_gently()
         speed, turn = twist(left, right)
         assert left == right and speed - before < 0.1 * 0.1 + 1e-3
         before = speed
-    assert speed == pytest.approx(SHARE * 0.09, abs=1e-3) and turn == 0.0
+    assert speed == pytest.approx(STOPPING.leader_speed_mps, abs=1e-3) and turn == 0.0
+    fast = Helm(replace(STOPPING, leader_speed_mps=0.09))
+    assert fast.fastest == pytest.approx(SHARE * 0.09)
 
 
 @pytest.mark.parametrize("turn", [-1.0, -0.3, 0.5, 1.0, 7.0])
@@ -65,7 +67,7 @@ def test_a_large_robot_has_a_helm_of_its_own():
     helm = Helm(STOPPING.with_robot(load_robot("large")))
     for _ in range(30):
         left, _ = helm.steer(0.0, 1.0)
-    assert left * load_robot("large").step_m == pytest.approx(SHARE * 0.09 * load_robot("large").most_mps / 0.1288, rel=0.01)
+    assert left * load_robot("large").step_m == pytest.approx(0.06 * load_robot("large").most_mps / 0.1288, rel=0.01)
 
 
 # --- scenes
@@ -119,6 +121,43 @@ def test_a_drive_is_saved_and_driven_again_to_the_last_bit(tmp_path, learn):
         scene.save_drive(path)
 
 
+def test_a_drive_of_a_scene_that_was_changed_by_hand_is_not_saved(tmp_path):
+    scene = _slalom(LiveScene(STOPPING, law=CarrotPI(), drive=True), 20)
+    scene.convoy.world.place(0, 2, 0.0, 0.0, 0.0)
+    scene.advance(20)
+    with pytest.raises(RuntimeError, match="nothing is saved"):
+        scene.save_drive(tmp_path / "drive.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_drive_of_large_fast_robots_can_be_read_again(tmp_path):
+    large = load_robot("large")
+    config = replace(STOPPING.with_robot(large), wheel_speed_mps=(0.0, large.most_mps), leader_speed_mps=0.9 * large.most_mps)
+    scene = LiveScene(config, law=CarrotPI(), drive=True)
+    scene.steer(0.3, 1.0)
+    scene.advance(80)
+    _, commands = load_drive(scene.save_drive(tmp_path / "drive.csv"))
+    assert commands.max() > 1100
+
+
+def test_frames_commands_and_time_agree_after_an_interrupt(monkeypatch):
+    scene = LiveScene(STOPPING, law=CarrotPI(), drive=True)
+    step, count = scene.convoy.world.step, [0]
+
+    def interrupted():
+        count[0] += 1
+        if count[0] == 7:
+            signal.raise_signal(signal.SIGINT)
+        step()
+
+    monkeypatch.setattr(scene.convoy.world, "step", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with pytest.raises(KeyboardInterrupt):
+        scene.advance(100)
+    signal.signal(signal.SIGINT, before)
+    assert scene.t == len(scene) == len(scene.commands) == 7
+
+
 def test_other_followers_can_be_judged_on_the_same_road(tmp_path):
     scene = _slalom(LiveScene(STOPPING, law=CarrotPI(), drive=True), 80)
     other = scene_of(scene.save_drive(tmp_path / "drive.csv"), wb.OwnLaw(function=lambda d, b: (d - 0.1, 2 * b)))
@@ -156,7 +195,12 @@ def test_pictures_of_scenes_have_every_robot_and_the_time():
     ("call", "error", "message"),
     [
         (lambda: LiveScene(PLANAR, learn=-1), ValueError, "learn = -1"),
-        (lambda: LiveScene(PLANAR, law=CarrotPI(), learn=10), ValueError, "no law where followers learn"),
+        (lambda: LiveScene(PLANAR, learn=2.5), ValueError, "learn = 2.5.* expected a whole number"),
+        (lambda: LiveScene(replace(PLANAR, reset="restart"), drive=True), ValueError, "expected 'manoeuvre'"),
+        (lambda: LiveScene(PLANAR, commands=[(1, 2, 3)]), ValueError, r"commands have shape \(1, 3\); expected \(T, 2\)"),
+        (lambda: LiveScene(PLANAR, commands=[(1, 2000)]), ValueError, "whole steps/s from -1000 to 1000"),
+        (lambda: wb.play(PLANAR, folder="nowhere"), FileNotFoundError, "folder = 'nowhere' does not exist"),
+        (lambda: LiveScene(PLANAR, law=CarrotPI(), learn=10), ValueError, "no law where they learn"),
         (lambda: scene_of(3), TypeError, "source is a int; expected a configuration, a run"),
         (lambda: scene_of("nowhere.csv"), FileNotFoundError, "nowhere.csv does not exist"),
         (lambda: scene_of("nowhere.csv", drive=True), ValueError, "drive = True with a recorded drive"),
@@ -196,7 +240,7 @@ class _Ear:
         return head, np.frombuffer(data, np.float32).reshape(-1, 5, len(FIELDS))
 
 
-def _advance(periods, have, generation=0, turn=0.0, speed=0.0):
+def _advance(periods, have, generation=1, turn=0.0, speed=0.0):
     return {
         "type": "advance", "periods": periods, "turn": turn, "speed": speed, "generation": generation, "have": have
     }  # fmt: skip
@@ -206,7 +250,7 @@ def test_the_page_gets_the_frames_that_it_asks_for_and_two_pages_the_same_ones()
     scene = LiveScene(PLANAR, law=CarrotPI())
     ear = _Ear(Arena(scene))
     head, frames = ear.frames(type="history")
-    assert head["first"] == 0 and head["history"] and len(frames) == 1
+    assert head["first"] == 0 and head["live"] and len(frames) == 1
     head, frames = ear.frames(**_advance(5, 1))
     assert head["first"] == 1 and np.array_equal(frames, scene.frames[1:6])
     head, frames = ear.frames(**_advance(5, 3))  # another page that is behind
@@ -220,9 +264,9 @@ def test_a_page_that_slept_through_a_restart_begins_anew():
     ear.tell(type="history")
     ear.tell(**_advance(20, 1))
     head, frames = ear.frames(type="restart")
-    assert head["restarted"] and head["generation"] == 1 and len(frames) == 1
+    assert head["first"] == 0 and head["generation"] == 2 and len(frames) == 1
     head, frames = ear.frames(**_advance(5, 21))  # its generation is over
-    assert head["restarted"] and head["first"] == 0 and len(frames) == len(scene) == 1
+    assert head["generation"] == 2 and head["first"] == 0 and len(frames) == len(scene) == 1
 
 
 def test_a_long_history_comes_in_pieces():
@@ -237,7 +281,7 @@ def test_the_joystick_drives_and_saving_takes_plain_names_only(tmp_path):
     ear = _Ear(arena)
     ear.tell(type="history")
     ear.tell(**_advance(30, 1, speed=1.0))
-    assert scene.commands[-1] == (629, 629)
+    assert scene.commands[-1] == (466, 466)
     for name in ("../drive.csv", "/tmp/drive.csv", ".csv"):
         [(said, _)] = ear.tell(type="save", name=name)
         assert "expected a plain file name" in said["text"] and said["stop"]
@@ -245,6 +289,13 @@ def test_the_joystick_drives_and_saving_takes_plain_names_only(tmp_path):
     assert "expected a name that ends in .csv" in said["text"]
     [(said, _)] = ear.tell(type="save", name="drive.csv")
     assert "saved 3.1 s; wb.play(" in said["text"] and (tmp_path / "drive.csv").is_file()
+
+
+def test_whatever_goes_wrong_the_page_hears_of_it():
+    stored = _Ear(Arena(StoredScene.of_run(wb.learn(PLANAR, steps=12_000, progress=False))))
+    for message in ({"type": "restart"}, {"type": "dance"}, {}, {"type": "save"}):
+        [(said, _)] = stored.tell(**message)
+        assert said["type"] == "said" and said["stop"]
 
 
 def test_divergence_is_said_on_the_page_and_stops_it():
@@ -260,8 +311,9 @@ def test_divergence_is_said_on_the_page_and_stops_it():
 
 
 def test_an_interrupt_waits_until_the_period_is_whole():
-    happened = []
+    happened, before = [], signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt), whole():
         signal.raise_signal(signal.SIGINT)
         happened.append("after the signal")
     assert happened and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    signal.signal(signal.SIGINT, before)

@@ -7,10 +7,11 @@ import pytest
 
 from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import BLOCK, Convoy, still_world
+from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import GAVE_UP, LEARNED, LOSS, RECOVERED
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
+from workbench.formation.stage import still_world
 from workbench.learning.config import LearnerConfig
 
 PLANAR = ConvoyConfig(drive="planar")

@@ -83,6 +83,7 @@ def test_a_description_of_ones_own_is_read_from_a_path(tmp_path):
         ('{"mass_kg": -1}', ValueError, "mine.json: RobotConfig.mass_kg = -1; expected a number from 0.01 to 500 kg"),
         ('{"track_m": 0.2}', ValueError, "expected wheels within the body"),
         ('{"wheel_mass_kg": 0.08}', ValueError, "expected less than half of it"),
+        ('{"inertia_kg_m2": [1e-4, 1e-4, 1.0]}', ValueError, "no body has a moment larger than the sum of the other two"),
         ('{"most_steps": 20000}', ValueError, "expected a faster timer, or 0"),
         ("[1]", ValueError, "holds a list; expected an object"),
         ("{", ValueError, "is no JSON"),
@@ -92,6 +93,13 @@ def test_wrong_descriptions_are_refused_with_the_file_and_the_remedy(tmp_path, c
     (tmp_path / "mine.json").write_text(content)
     with pytest.raises(error, match=message):
         load_robot(tmp_path / "mine.json")
+
+
+def test_a_large_robot_has_no_infrared_to_be_read():
+    with wb.open_robot("sim:", config=replace(wb.ConvoyConfig(drive="planar", followers=1).with_robot(LARGE))) as robot:
+        assert "proximity" not in robot.capabilities and "floor" in robot.capabilities
+    with pytest.raises(TypeError, match="expected a RobotConfig, as load_robot"):
+        wb.ConvoyConfig().with_robot("large")
 
 
 def test_unknown_names_list_the_known_ones():

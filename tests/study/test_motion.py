@@ -9,9 +9,10 @@ import pytest
 
 from workbench.formation.classical import CarrotPI, quantised_carrot
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import Convoy, track_of
+from workbench.formation.convoy import Convoy
 from workbench.formation.follower import EXPLORED, STEP
 from workbench.formation.reset import FOLLOW, TURN
+from workbench.formation.stage import track_of
 from workbench.robot.geometry import BODY_RADIUS
 from workbench.robot.geometry import STEP as STEP_M
 from workbench.study.motion import Motion, as_motion, chatter, drive, follow

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import still_world
 from workbench.formation.errors import observe
 from workbench.formation.policy import Policy
+from workbench.formation.stage import still_world
 from workbench.study import diagrams, plots
 from workbench.study.runs import learn
 from workbench.study.shift import losses_before, per_block, smoothed

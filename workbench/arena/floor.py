@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.tracks import Track
+from workbench.arena.tracks import SPACING, Track
 from workbench.compiled import compiled
 from workbench.robot.ground import SPOT
 
@@ -57,11 +57,12 @@ def _draw(track: Track, line_width_m: float, low: NDArray[np.int64], shape: tupl
     reach = _reach(line_width_m)
     window = range(-reach, reach + 1)
     nearest = np.full(shape, np.inf)
-    cells = np.round(track.line / CELL).astype(int)
+    line = track.line[:: max(1, int(line_width_m / 2 / SPACING / 6))]  # fewer points do for a wide line
+    cells = np.round(line / CELL).astype(int)
     for dy in window:
         for dx in window:
             column, row = cells[:, 0] + dx, cells[:, 1] + dy
-            gap = np.hypot(column * CELL - track.line[:, 0], row * CELL - track.line[:, 1])
+            gap = np.hypot(column * CELL - line[:, 0], row * CELL - line[:, 1])
             np.minimum.at(nearest, (row - low[1], column - low[0]), gap)
     dark = np.clip((line_width_m / 2 + SPOT - nearest) / (2 * SPOT), 0.0, 1.0)
     return np.round(255 * dark).astype(np.uint8)

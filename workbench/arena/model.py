@@ -52,7 +52,8 @@ def build_model(
     """Compile the model of a number of robots on an infinite floor; their bodies are robot0, robot1, ….
 
     ``furnish`` may add walls, boxes and the like to the specification before it is compiled. Servos of robots other than the
-    e-puck are scaled with mass and wheels, so that they settle as fast; gaps and offsets with the body's radius.
+    e-puck are scaled with mass and wheels, so that they settle as fast where inertia is in proportion; gaps and offsets with the
+    body's radius.
 
     Raises:
         ValueError: fewer than one robot or an unknown drive.

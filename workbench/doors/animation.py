@@ -15,7 +15,7 @@ from PIL import Image
 
 from workbench.arena.picture import picture
 from workbench.doors.scenes import LiveScene, StoredScene
-from workbench.formation.convoy import world_of
+from workbench.formation.stage import world_of
 from workbench.robot.geometry import CONTROL_PERIOD
 
 COLOURS = 96
@@ -40,6 +40,8 @@ def animated_png(
         ValueError: the scene is shorter than that.
     """
     first, last = round(start_s / CONTROL_PERIOD), round((start_s + seconds) / CONTROL_PERIOD)
+    if every < 1:
+        raise ValueError(f"every = {every!r}; expected 1 or more control periods per picture")
     if not 0 <= first < last <= len(scene.frames):
         raise ValueError(
             f"start_s = {start_s!r}, seconds = {seconds!r}; the scene has {len(scene.frames) * CONTROL_PERIOD:.1f} s"

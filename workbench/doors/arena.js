@@ -4,16 +4,17 @@
 const STYLE = `
 .wba { font: 13px/1.35 system-ui, sans-serif; color: #222; max-width: 700px; outline: none; background: #fff; padding: 4px; }
 .wba:focus-within { box-shadow: 0 0 0 2px #0072B2; }
-.wba canvas { display: block; width: 100%; border: 1px solid #ccc; background: #f4f3f0; touch-action: none; }
+.wba canvas { display: block; width: 100%; border: 1px solid #ccc; background: #f4f3f0; }
 .wba .row { display: flex; flex-wrap: wrap; gap: 6px; align-items: center; margin: 4px 0; }
 .wba button, .wba select, .wba input[type=text] { font: inherit; padding: 2px 8px; }
 .wba input[type=range] { flex: 1; min-width: 120px; }
 .wba .said { min-height: 1.35em; color: #444; }
 .wba .title { font-weight: 600; }
 .wba .view { position: relative; }
-.wba .stick { position: absolute; right: 10px; bottom: 10px; width: 110px; height: 110px; border: none; border-radius: 50%; background: rgba(255,255,255,0.8); }
+.wba .stick { position: absolute; right: 10px; bottom: 10px; width: 110px; height: 110px; border: none; touch-action: none; border-radius: 50%; background: rgba(255,255,255,0.8); }
 `;
 const LEADER = "#D55E00", FOLLOWER = "#0072B2", LOST = "#000000";
+const BUSY = "the kernel is busy; the arena goes on as soon as it answers";
 const SHOWN = {
   trails: "where each robot drove in the last 30 s", tiles: "where a follower may see the robot in front, and the tile that it is in",
   sensors: "the eight infrared sensors; the longer and darker, the more they read",
@@ -35,8 +36,8 @@ function face(el) {
   box.dataset.lmSuppressShortcuts = "true"; // JupyterLab's own keys stay out of it
   const title = element(box, "div", { className: "title" });
   const view = element(box, "div", { className: "view" });
-  const canvas = element(view, "canvas");
-  const stick = element(view, "canvas", { className: "stick" });
+  const canvas = element(view, "canvas", { role: "img", ariaLabel: "the arena from above: robots, line, trails" });
+  const stick = element(view, "canvas", { className: "stick", role: "img", ariaLabel: "joystick: drag to drive the leader" });
   const row = element(box, "div", { className: "row" });
   const play = element(row, "button", { textContent: "▶ play", className: "play" });
   const step = element(row, "button", { textContent: "step", className: "step", title: "one tenth of a second" });
@@ -55,7 +56,7 @@ function face(el) {
   const restart = element(second, "button", { textContent: "restart", className: "restart", title: "begin again; what was learned is forgotten" });
   const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "name of the file that the drive is saved in", className: "name" });
   const save = element(second, "button", { textContent: "save drive", className: "save" });
-  const said = element(box, "div", { className: "said" });
+  const said = element(box, "div", { className: "said", ariaLive: "polite" });
   return { box, title, canvas, stick, play, step, speed, scrub, clock, count, shown, restart, name, save, said };
 }
 
@@ -66,7 +67,7 @@ function render({ model, el }) {
   const width = about.fields.length, robots = about.robots;
   const state = {
     frames: [], tallied: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
-    joystick: [0, 0], keys: new Set(), last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
+    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
   };
   ui.title.textContent = model.get("title");
   for (const part of [ui.name, ui.save, ui.stick]) part.style.display = state.drive ? "" : "none";
@@ -81,16 +82,26 @@ function render({ model, el }) {
   }
   function hear(message, buffers) {
     if (message.type === "frames") {
-      if (message.restarted) { state.frames = []; state.tallied = []; state.cursor = 0; state.centre = null; state.over = false; }
-      state.generation = message.generation;
       state.asked = 0;
+      if (ui.said.textContent === BUSY) ui.said.textContent = "";
+      const anew = message.generation !== state.generation;
+      if (message.first > (anew ? 0 : state.frames.length)) { model.send({ type: "history" }); return; } // something was missed
+      if (anew) {
+        state.joining = state.generation === 0 && message.live; // a new page goes on where the scene is
+        state.frames = [];
+        state.tallied = [];
+        state.cursor = 0;
+        state.centre = null;
+        state.generation = message.generation;
+      }
       state.over = message.over;
       const bytes = buffers[0];
       const numbers = new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
       const size = width * robots;
       for (let k = 0; k * size < numbers.length; k++) state.frames[message.first + k] = numbers.subarray(k * size, (k + 1) * size);
       ui.scrub.max = Math.max(0, state.frames.length - 1);
-      if (message.history && model.get("live")) state.cursor = state.frames.length - 1; // a new page goes on where the last one was
+      if (state.joining) state.cursor = state.frames.length - 1;
+      if (state.stepping) { state.stepping = false; state.cursor = state.frames.length - 1; }
     } else if (message.type === "said") {
       ui.said.textContent = message.text;
       state.asked = 0;
@@ -103,6 +114,7 @@ function render({ model, el }) {
   // --- what a person does ----------------------------------------------------------------------------------------------------
   function pause() { state.playing = false; ui.play.textContent = "▶ play"; }
   function start() {
+    state.joining = false;
     if (state.over && state.cursor >= state.frames.length - 1) state.cursor = 0;
     state.playing = true;
     ui.play.textContent = "❚❚ pause";
@@ -110,11 +122,12 @@ function render({ model, el }) {
   ui.play.onclick = () => (state.playing ? pause() : start());
   ui.step.onclick = () => {
     pause();
-    state.cursor = Math.floor(state.cursor) + 1;
-    if (state.cursor > state.frames.length - 1 && !state.over) ask(1);
-    else state.cursor = Math.min(state.cursor, Math.max(0, state.frames.length - 1));
+    if (state.asked) return;
+    const next = Math.floor(state.cursor) + 1;
+    if (next < state.frames.length) state.cursor = next;
+    else if (!state.over) { state.stepping = true; ask(1); }
   };
-  ui.scrub.oninput = () => { pause(); state.cursor = Number(ui.scrub.value); };
+  ui.scrub.oninput = () => { pause(); state.joining = false; state.cursor = Number(ui.scrub.value); };
   ui.restart.onclick = () => { pause(); model.send({ type: "restart" }); };
   ui.save.onclick = () => { pause(); ui.said.textContent = "saving …"; model.send({ type: "save", name: ui.name.value }); };
 
@@ -126,13 +139,19 @@ function render({ model, el }) {
     for (const key of state.keys) { turn += KEYS[key][0]; speed += KEYS[key][1]; }
     state.joystick = [Math.max(-1, Math.min(1, turn)), Math.max(-1, Math.min(1, speed))];
   }
+  function takeTheWheel() { // now, not where the slider stands
+    if (state.playing && state.cursor > state.frames.length - 5) return;
+    state.cursor = Math.max(0, state.frames.length - 1);
+    if (!state.playing) start();
+  }
   ui.box.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return; // the browser's and JupyterLab's own
     if (event.target === ui.name || event.target === ui.speed) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (state.drive && key in KEYS && event.target !== ui.scrub) {
       state.keys.add(key);
       held();
-      if (!state.playing) start();
+      takeTheWheel();
       event.preventDefault();
       event.stopPropagation();
     } else if (key === " " && event.target === ui.box) {
@@ -146,15 +165,23 @@ function render({ model, el }) {
     if (state.keys.delete(key)) held();
   });
   ui.box.addEventListener("focusout", () => { if (state.keys.size) { state.keys.clear(); held(); } }); // no key sticks
+  function release() { ui.stick.onpointermove = null; state.joystick = [0, 0]; }
   function drag(event) {
+    if (!event.buttons) { release(); return; }
     const box = ui.stick.getBoundingClientRect();
     const x = (2 * (event.clientX - box.left)) / box.width - 1, y = (2 * (event.clientY - box.top)) / box.height - 1;
     const clip = (value) => Math.max(-1, Math.min(1, value / 0.8));
     state.joystick = [-clip(x), -clip(y)];
-    if (!state.playing) start();
+    takeTheWheel();
   }
-  ui.stick.onpointerdown = (event) => { ui.stick.setPointerCapture(event.pointerId); ui.stick.onpointermove = drag; drag(event); ui.box.focus(); };
-  ui.stick.onpointerup = ui.stick.onpointercancel = () => { ui.stick.onpointermove = null; state.joystick = [0, 0]; };
+  ui.stick.onpointerdown = (event) => {
+    if (event.button || !event.isPrimary) return;
+    ui.stick.setPointerCapture(event.pointerId);
+    ui.stick.onpointermove = drag;
+    ui.box.focus();
+    drag(event);
+  };
+  ui.stick.onpointerup = ui.stick.onpointercancel = ui.stick.onlostpointercapture = release;
   ui.canvas.onpointerdown = () => ui.box.focus();
 
   // --- drawing ---------------------------------------------------------------------------------------------------------------
@@ -196,7 +223,8 @@ function render({ model, el }) {
     const reach = [w / scale / 2 - about.radius * 2, h / scale / 2 - about.radius * 2];
     const middle = [0, 1].map((axis) => poses.reduce((sum, pose) => sum + pose[axis], 0) / robots);
     const outside = poses.some((pose) => Math.abs(pose[0] - home[0]) > reach[0] || Math.abs(pose[1] - home[1]) > reach[1]);
-    const goal = outside ? middle : home; // who drives away is followed
+    const spread = Math.max(...poses.map((pose) => Math.max(Math.abs(pose[0] - middle[0]) / reach[0], Math.abs(pose[1] - middle[1]) / reach[1])));
+    const goal = !outside ? home : spread < 1 ? middle : poses[0]; // who drives away is followed, the leader first
     state.centre = state.centre || goal.slice();
     for (const axis of [0, 1]) state.centre[axis] += 0.08 * (goal[axis] - state.centre[axis]);
     const X = (x) => w / 2 + scale * (x - state.centre[0]), Y = (y) => h / 2 - scale * (y - state.centre[1]);
@@ -335,24 +363,31 @@ function render({ model, el }) {
     ink.fill();
     ink.fillStyle = "#333";
     ink.fillText("drive", 42, 16);
+    state.painted = String(state.joystick);
   }
 
   // --- the clock -------------------------------------------------------------------------------------------------------------
   function tick(now) {
     if (state.closed) return;
+    requestAnimationFrame(tick);
+    const visible = ui.canvas.isConnected && ui.canvas.offsetParent !== null;
     const passed = Math.min(0.25, (now - (state.last || now)) / 1000);
     state.last = now;
-    if (state.playing && state.frames.length) {
+    if (state.playing && visible && state.frames.length) {
       const pace = Number(ui.speed.value) / about.period; // periods per second
       const latest = state.frames.length - 1;
       state.cursor = Math.min(state.cursor + passed * pace, latest);
       const ahead = Math.max(2, Math.ceil(0.2 * pace));
       const late = state.asked && now - state.asked > 3000;
-      if (late) ui.said.textContent = "the kernel is busy; the arena goes on as soon as it answers";
+      if (late) ui.said.textContent = BUSY;
       if (!state.over && latest - state.cursor < ahead && (!state.asked || late)) ask(Math.min(100, Math.max(1, Math.ceil(0.1 * pace))));
       if (state.over && state.cursor >= latest) pause();
     }
-    if (ui.canvas.isConnected && ui.canvas.offsetParent !== null) { paint(); if (state.drive) paintStick(); state.drawn++; }
+    if (visible) {
+      paint();
+      if (state.drive && String(state.joystick) !== state.painted) paintStick();
+      state.drawn++;
+    }
     if (!ui.scrub.matches(":active")) ui.scrub.value = Math.floor(state.cursor);
     ui.clock.textContent = `${(state.cursor * about.period).toFixed(1)} s`;
     if (state.frames.length > state.tallied.length) tally();
@@ -367,7 +402,6 @@ function render({ model, el }) {
       const newest = state.frames[state.frames.length - 1];
       if (newest) ui.box.dataset.leader = `${newest[0].toFixed(3)} ${newest[1].toFixed(3)}`;
     }
-    requestAnimationFrame(tick);
   }
   state.counted = performance.now();
   requestAnimationFrame(tick);

@@ -24,11 +24,11 @@ and terminal reward. An episode begins with the followers in line behind the lea
 in the inner third of their bounds; it is *terminated* when a follower loses its leader and *truncated* after a time. Followers
 are put back by hand here, they do not drive back (paper II-C): that manoeuvre belongs to our own follower.
 
-Contract: ``reset(seed=…)`` makes everything anew from that seed, track included; without a seed the leader drives on. Equal seeds
-and actions give equal results for an equal number of formations.
+Contract: ``reset(seed=…)`` makes everything anew from that seed, track included; without a seed the leader drives on (the very
+first time the configuration's seed counts, so that equal environments side by side need seeds). Equal seeds and actions give
+equal results for an equal number of formations.
 """
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -41,114 +41,18 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from workbench.arena.picture import picture
-from workbench.formation.classical import Outside
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.doors.formations import Flags, Floats, Formations
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import LOSS
-from workbench.formation.own import Reward, own_reward
-from workbench.formation.reward import OWN
+from workbench.formation.own import Reward
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.infrared import ADC, SENSORS
-
-OBSERVATIONS = ("errors", "tiles", "infrared")
-ACTIONS = ("discrete", "continuous")
-CLIP = 2.0  # errors in units of their bounds, at most
-Flags = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-
-
-class _Formations:
-    """B formations whose followers are told what to do, period by period: what all environments here have in common."""
-
-    def __init__(
-        self, config: ConvoyConfig, formations: int, observation: str, actions: str, reward: Reward | None, seconds: float
-    ) -> None:
-        for name, value, options in (("observation", observation, OBSERVATIONS), ("actions", actions, ACTIONS)):
-            if value not in options:
-                raise ValueError(f"{name} = {value!r}; expected one of {', '.join(map(repr, options))}")
-        if observation == "infrared" and config.sensing not in INFRARED:
-            raise ValueError(
-                f"observation = {observation!r} with sensing = {config.sensing!r}; expected sensing = 'ir-metric' or 'ir-raw': "
-                "then the bounds are judged by what the robot sees, too"
-            )
-        if formations < 1 or not 0 < seconds < math.inf:
-            raise ValueError(f"formations = {formations!r}, seconds = {seconds!r}; expected at least 1, and more than 0")
-        self.own = own_reward(reward) if reward is not None else None
-        self.config = replace(config, reward=OWN) if self.own is not None else config
-        self.formations, self.observation, self.discrete = formations, observation, actions == "discrete"
-        self.limit = max(1, round(seconds / CONTROL_PERIOD))
-        self.left_steps, self.right_steps = config.levels()
-        self.states = config.grid().n
-        self.observation_space: spaces.Space[Any]
-        if observation == "tiles":
-            self.observation_space = spaces.Discrete(self.states + 1)
-        elif observation == "errors":
-            self.observation_space = spaces.Box(-CLIP, CLIP, (2,), np.float32)
-        else:
-            self.observation_space = spaces.Box(0.0, ADC, (SENSORS,), np.float32)
-        self.action_space: spaces.Space[Any] = (
-            spaces.Discrete(config.actions) if self.discrete else spaces.Box(-1.0, 1.0, (2,), np.float32)
-        )
-
-    def build(self, seed: int, rng: np.random.Generator) -> None:
-        """Make all formations anew and begin an episode in each."""
-        seeds = [seed + k for k in range(self.formations)]
-        self.convoy = Convoy(self.config, seeds, periods=10**12, law=Outside(), reward=self.own, threads=1)
-        self.rng, self.t = rng, 0
-        self.age = np.zeros(self.formations, np.int64)
-        for b in range(self.formations):
-            self.line_up(b)
-        self.sense()
-
-    def line_up(self, b: int) -> None:
-        """Put the followers of formation b behind its leader, at random places in the inner third of their bounds."""
-        config, world = self.config, self.convoy.world
-        x, y, heading = world.pose(b, 0)
-        for robot in range(1, world.robots):
-            gap, aspect, bearing = self.rng.uniform(-1 / 3, 1 / 3, 3)
-            distance = config.middle_m + gap * config.half_range_m
-            towards = heading + aspect * config.bearing_limit_rad
-            x, y = x - distance * math.cos(towards), y - distance * math.sin(towards)
-            heading = towards - bearing * config.bearing_limit_rad
-            world.place(b, robot, x, y, heading)
-        self.convoy.begin_again(b)
-        self.age[b] = 0
-
-    def sense(self) -> tuple[Floats, Flags]:
-        """Let everybody sense; return rewards and losses of the actions that end now, (B, followers) each."""
-        steps = self.convoy.period(self.t)
-        return steps["reward"][:, 1:].astype(np.float64), steps["event"][:, 1:] & LOSS != 0
-
-    def act(self, actions: NDArray[Any], running: NDArray[np.int64] | None = None) -> tuple[Floats, Flags]:
-        """Carry out actions (B, followers[, 2]) for one control period, in all formations or those named; see ``sense``."""
-        if self.discrete:
-            number = actions.astype(np.int64)
-            left = self.left_steps[number // len(self.right_steps)]
-            right = self.right_steps[number % len(self.right_steps)]
-        else:
-            low, high = self.config.wheel_speed_mps
-            speeds = low + (np.clip(actions.astype(np.float64), -1.0, 1.0) + 1.0) / 2 * (high - low)
-            left, right = np.moveaxis(np.round(speeds / self.config.robot.step_m).astype(np.int64), -1, 0)
-        self.convoy.command_all(np.ascontiguousarray(left), np.ascontiguousarray(right), self.t)
-        self.convoy.world.step(running)
-        self.t += 1
-        self.age[slice(None) if running is None else running] += 1
-        return self.sense()
-
-    def observe(self) -> NDArray[Any]:
-        """Return what the followers see, (B, followers) or (B, followers, n)."""
-        robots = self.convoy.robots[:, 1:]
-        if self.observation == "tiles":
-            state = robots["state"]
-            return np.where(state < 0, self.states, state)
-        if self.observation == "infrared":
-            return robots["prox"].astype(np.float32)
-        u = (robots["seen_distance"] - self.config.middle_m) / self.config.half_range_m
-        v = robots["seen_bearing"] / self.config.bearing_limit_rad
-        return np.clip(np.stack([u, v], axis=-1), -CLIP, CLIP).astype(np.float32)
-
 
 _PLANAR = ConvoyConfig(drive="planar")
+
+
+def _alone(config: ConvoyConfig) -> ConvoyConfig:
+    """Return the configuration with the first follower only; what is none is refused later."""
+    return replace(config, followers=1) if isinstance(config, ConvoyConfig) else config
 
 
 class FollowEnv(gymnasium.Env[Any, Any]):
@@ -166,10 +70,9 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         seconds: float = 60.0,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode = {render_mode!r}; expected None or 'rgb_array'")
-        self._core = _Formations(replace(config, followers=1), 1, observation, actions, reward, seconds)
-        self.config, self.render_mode = self._core.config, render_mode
+        _check_render(render_mode)
+        self._core = Formations(_alone(config), 1, observation, actions, reward, seconds)
+        self.config, self.render_mode, self._over = self._core.config, render_mode, False
         self.observation_space, self.action_space = self._core.observation_space, self._core.action_space
 
     @property
@@ -180,17 +83,18 @@ class FollowEnv(gymnasium.Env[Any, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; with a seed, make everything anew."""
         super().reset(seed=seed)
-        if seed is not None or not hasattr(self._core, "convoy"):
-            self._core.build(self.config.seed if seed is None else seed, self.np_random)
-        else:
-            self._core.line_up(0)
-            self._core.sense()
+        _begin(self._core, seed)
+        self._over = False
         return self._see(), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Carry out an action for 0.1 s."""
+        if self._over:
+            raise RuntimeError("the episode is over; call reset() first")
         reward, lost = self._core.act(np.asarray(action)[None, None])
-        return self._see(), float(reward[0, 0]), bool(lost[0, 0]), bool(self._core.age[0] >= self._core.limit), {}
+        terminated, truncated = bool(lost[0, 0]), bool(self._core.age[0] >= self._core.limit)
+        self._over = terminated or truncated
+        return self._see(), float(reward[0, 0]), terminated, truncated, {}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the arena, (240, 320, 3), with render_mode "rgb_array"."""
@@ -207,7 +111,9 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
     Formations whose episode has ended begin anew at the next step, whose action they ignore (``AutoresetMode.NEXT_STEP``).
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata = {
+        "autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)
+    }  # fmt: skip
 
     def __init__(
         self,
@@ -218,9 +124,11 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         actions: str = "discrete",
         reward: Reward | None = None,
         seconds: float = 60.0,
+        render_mode: str | None = None,
     ) -> None:
-        self._core = _Formations(replace(config, followers=1), num_envs, observation, actions, reward, seconds)
-        self.config, self.num_envs = self._core.config, num_envs
+        _check_render(render_mode)
+        self._core = Formations(_alone(config), num_envs, observation, actions, reward, seconds)
+        self.config, self.num_envs, self.render_mode = self._core.config, num_envs, render_mode
         self.single_observation_space, self.single_action_space = self._core.observation_space, self._core.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -231,33 +139,28 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         """The formations, open to every use."""
         return self._core.convoy
 
-    def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every formation; with a seed, make everything anew: formation k from seed + k."""
-        if isinstance(seed, list):
-            if [None if one is None else one - k for k, one in enumerate(seed)] != [seed[0]] * self.num_envs:
-                raise ValueError(f"seed = {seed!r}; expected one number, for formation k it is seed + k")
-            seed = seed[0]
+        if seed is not None and not isinstance(seed, (int, np.integer)):
+            raise ValueError(f"seed = {seed!r}; expected one whole number: formation k is made from seed + k")
         super().reset(seed=seed)
-        if seed is not None or not hasattr(self._core, "convoy"):
-            self._core.build(self.config.seed if seed is None else seed, self.np_random)
-        else:
-            for b in range(self.num_envs):
-                self._core.line_up(b)
-            self._core.sense()
+        _begin(self._core, seed)
         self._ended[:] = False
         return self._core.observe()[:, 0], {}
 
     def step(self, actions: Any) -> tuple[Any, Floats, Flags, Flags, dict[str, Any]]:
         """Carry out one action per formation for 0.1 s."""
         running = np.flatnonzero(~self._ended) if self._ended.any() else None
-        for b in np.flatnonzero(self._ended).tolist():
-            self._core.line_up(b)
+        if running is not None:
+            self._core.begin(np.flatnonzero(self._ended))
         reward, lost = self._core.act(np.asarray(actions)[:, None], running)
         terminated, truncated = lost[:, 0], self._core.age >= self._core.limit
         self._ended = terminated | truncated
         return self._core.observe()[:, 0], reward[:, 0], terminated, truncated, {}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a picture of every formation, (240, 320, 3) each, with render_mode "rgb_array"."""
+        return tuple(picture(self.convoy.world, b) for b in range(self.num_envs)) if self.render_mode else None
 
 
 class ConvoyEnv(ParallelEnv[str, Any, Any]):
@@ -281,7 +184,8 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         seconds: float = 60.0,
         render_mode: str | None = None,
     ) -> None:
-        self._core = _Formations(config, 1, observation, actions, reward, seconds)
+        _check_render(render_mode)
+        self._core = Formations(config, 1, observation, actions, reward, seconds)
         self.config, self.render_mode = self._core.config, render_mode
         self.possible_agents = [f"follower_{k}" for k in range(1, config.followers + 1)]
         self.agents: list[str] = []
@@ -306,12 +210,7 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode; with a seed, make everything anew."""
-        if seed is not None or not hasattr(self._core, "convoy"):
-            start = self.config.seed if seed is None else seed
-            self._core.build(start, np.random.default_rng(start))
-        else:
-            self._core.line_up(0)
-            self._core.sense()
+        _begin(self._core, seed)
         self.agents = list(self.possible_agents)
         return self._see(), {agent: {} for agent in self.agents}
 
@@ -338,6 +237,19 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
     def _see(self) -> dict[str, Any]:
         seen = self._core.observe()[0]
         return {agent: np.int64(row) if row.ndim == 0 else row for agent, row in zip(self.possible_agents, seen, strict=True)}
+
+
+def _begin(core: Formations, seed: int | None) -> None:
+    """Begin episodes; the first time, or with a seed, make everything anew."""
+    if seed is not None or core.new:
+        core.build(core.config.seed if seed is None else int(seed))
+    else:
+        core.begin(np.arange(core.formations))
+
+
+def _check_render(render_mode: str | None) -> None:
+    if render_mode not in (None, "rgb_array"):
+        raise ValueError(f"render_mode = {render_mode!r}; expected None or 'rgb_array'")
 
 
 def _copy(space: spaces.Space[Any]) -> spaces.Space[Any]:

@@ -205,8 +205,13 @@ def learning_explorer(history: History, *, block: int = -1, follower: int = 1, s
         show: "visits", "values", "actions" or "all".
 
     Raises:
-        ValueError: show is nothing of these.
+        ValueError: show is nothing of these, or there is no such block or follower.
     """
+    blocks, followers = len(history.updates), history.config.followers
+    if not -blocks <= block < blocks or not 1 <= follower <= followers:
+        raise ValueError(
+            f"block = {block!r}, follower = {follower!r}; the run has blocks 0 to {blocks - 1} and followers 1 to {followers}"
+        )
     kinds = ("visits", "values", "actions")
     if show not in (*kinds, "all"):
         raise ValueError(f"show = {show!r}; expected one of {', '.join(map(repr, (*kinds, 'all')))}")

@@ -5,7 +5,7 @@ Both axes run from -1 to 1: ``turn`` is positive to the left, ``speed`` positive
 * drives at most as fast as the leader of the configuration, behind which its followers learned (and at most nine tenths of their
   fastest level, so that they can also catch up), and never backwards into them;
 * where followers cannot stand still (their slowest level is above 0), does not drive more slowly than that level either;
-* turns by at most 1 rad/s, with both wheels within what followers can do;
+* turns by at most 1 rad/s, with no wheel faster than theirs;
 * changes its speed by at most 0.1 m/s² (times the robot's pace against an e-puck's).
 
 >>> from workbench.formation.config import ConvoyConfig

@@ -8,6 +8,7 @@ picture of its first values, the static twin that stored and exported notebooks 
 Contract: callbacks hold no science: they call the function with the controls' values and show what it returns, or its error.
 """
 
+import html
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -58,8 +59,8 @@ def panel(draw: Draw, **controls: Slider | Choice) -> Any:
         try:
             shown.value = _picture(draw, {name: part.value for name, part in parts.items()}).data
             said.value = ""
-        except ValueError as error:  # a combination that cannot be: the message says what would
-            said.value = f"<span style='color:#a00'>{error}</span>"
+        except (ArithmeticError, ValueError) as error:  # a combination that cannot be: the message says what would
+            said.value = f"<span style='color:#a00'>{html.escape(str(error))}</span>"
 
     for part in parts.values():
         part.observe(change, names="value")

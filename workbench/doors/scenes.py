@@ -16,10 +16,14 @@ A drive by hand is kept as its commands; everything else follows from the config
 behind the robot API, so that the recording has the leader's own readings, and ``load_drive`` reads the commands back: the same
 followers then do the same to the last bit, others show what they would have made of it.
 
-Contract: a scene is used by one thread at a time; ``frames`` is everything shown so far and only grows.
+Distances and bearings are those that were sensed where a scene is live, the true ones where it is stored.
+
+Contract: a scene is used by one thread at a time (``lock``); ``frames`` is everything shown so far, and grows until a restart.
 """
 
-import itertools
+import contextlib
+import signal
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,11 +34,12 @@ from numpy.typing import NDArray
 from workbench.doors.helm import Helm
 from workbench.formation.classical import CarrotPI, ControlLaw
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import Convoy, track_of
+from workbench.formation.convoy import Convoy
 from workbench.formation.own import OwnLaw
 from workbench.formation.policy import Policy
 from workbench.formation.reset import PHASES
 from workbench.formation.simulated import SimulatedRobot, sense
+from workbench.formation.stage import track_of
 from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import BEARINGS, RING, SENSORS
@@ -79,9 +84,11 @@ class StoredScene:
 
     live = False
     drivable = False
+    ended = True
+    generation = 1
 
     def __init__(self, config: ConvoyConfig, frames: Frames, title: str) -> None:
-        self.config, self.frames, self.title = config, frames, title
+        self.config, self.frames, self.title, self.lock = config, frames, title, threading.RLock()
         self.about = describe(config, track_of(config).line)
 
     @classmethod
@@ -124,6 +131,32 @@ def _frames_of(steps: NDArray[np.void], config: ConvoyConfig) -> Frames:
     return frames
 
 
+def _checked(commands: Sequence[tuple[int, int]] | NDArray[np.int64], config: ConvoyConfig) -> NDArray[np.int64]:
+    """Return a leader's commands as (T, 2) whole steps/s."""
+    given, most = np.asarray(commands), config.robot.most_steps
+    if given.ndim != 2 or given.shape[1] != 2 or not len(given) or np.abs(given).max() > most:
+        raise ValueError(
+            f"commands have shape {given.shape}; expected (T, 2) with T >= 1 and whole steps/s from -{most} to {most}"
+        )
+    return given.astype(np.int64)
+
+
+@contextlib.contextmanager
+def whole() -> Iterator[None]:
+    """Let an interrupt wait until the block is done: half a control period would leave a scene inconsistent."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    waiting: list[Any] = []
+    before = signal.signal(signal.SIGINT, lambda *arguments: waiting.append(arguments))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if waiting and callable(before):
+            before(*waiting[0])
+
+
 def _who(law: ControlLaw | None) -> str:
     """Return who drives the followers, in words."""
     if isinstance(law, OwnLaw):
@@ -144,6 +177,7 @@ class LiveScene:
     Attributes:
         convoy: the simulation, open to every use.
         frames: (T, robots, len(FIELDS)) everything so far.
+        generation: how often it has begun; lock: what pages hold while they use it.
         commands: list of the leader's commands so far, where a person drives.
     """
 
@@ -161,14 +195,19 @@ class LiveScene:
     ) -> None:
         if policy is not None and law is not None:
             raise ValueError("policy and law are both given; expected one of them to drive the followers")
-        if learn < 0 or (learn and law is not None):
+        if isinstance(learn, bool) or not isinstance(learn, int) or learn < 0 or (learn and law is not None):
             raise ValueError(
-                f"learn = {learn!r} with law = {law!r}; expected 0 or more updates, and no law where followers learn"
+                f"learn = {learn!r} with law = {law!r}; expected a whole number of updates from 0, and no law where they learn"
             )
         if config.delay_steps:
             raise ValueError(
                 f"ConvoyConfig.compute_time_s = {config.compute_time_s!r} without the buffer; a live scene runs whole control "
                 "periods: expected learner.buffer = True"
+            )
+        if config.reset == "restart" and (drive or commands is not None):
+            raise ValueError(
+                "ConvoyConfig.reset = 'restart' with a leader that somebody drives; it would be put back at every loss: expected "
+                "'manoeuvre'"
             )
         if policy is not None:
             policy.check(config)
@@ -176,7 +215,8 @@ class LiveScene:
             law = CarrotPI()
         self.config, self.policy, self.law, self.learn = config, policy, law, learn
         self.drivable = drive
-        self._stored = None if commands is None else np.asarray(commands, np.int64).reshape(-1, 2)
+        self._stored = None if commands is None else _checked(commands, config)
+        self.generation, self.lock = 0, threading.RLock()
         self._external = drive or commands is not None
         self.restart()
         self.about = describe(config, self.convoy.world.tracks[0].line, free=self._external)
@@ -196,6 +236,7 @@ class LiveScene:
         self._helm, self._joystick = Helm(self.config), (0.0, 0.0)
         self.commands: list[tuple[int, int]] = []
         self.t = 0
+        self.generation += 1
         self._kept: list[Frames] = []
 
     def __len__(self) -> int:
@@ -221,22 +262,25 @@ class LiveScene:
         Raises:
             FloatingPointError: learning diverged.
         """
-        new = list(itertools.islice(self._periods(), periods))
-        self._kept += new
-        return np.stack(new) if new else self.frames[:0]
+        before = len(self)
+        for _ in range(periods):
+            if self.ended:
+                break
+            with whole():
+                self._period()
+        return np.stack(self._kept[before:]) if len(self) > before else self.frames[:0]
 
-    def _periods(self) -> Iterator[Frames]:
-        while not self.ended:
-            steps = self.convoy.period(self.t)[0]
-            frame = self._frame(steps)
-            if self._external:
-                left, right = self._helm.steer(*self._joystick) if self._stored is None else self._stored[self.t].tolist()
-                self.convoy.command(0, left, right, self.t)
-                self.commands.append((left, right))
-                frame[0, 7:9] = left, right
-            self.convoy.world.step()
-            self.t += 1
-            yield frame
+    def _period(self) -> None:
+        steps = self.convoy.period(self.t)[0]
+        frame = self._frame(steps)
+        if self._external:
+            left, right = self._helm.steer(*self._joystick) if self._stored is None else self._stored[self.t].tolist()
+            self.convoy.command(0, left, right, self.t)
+            self.commands.append((left, right))
+            frame[0, 7:9] = left, right
+        self.convoy.world.step()
+        self.t += 1
+        self._kept.append(frame)
 
     def _frame(self, steps: NDArray[np.void]) -> Frames:
         robots = self.convoy.robots[0]
@@ -258,22 +302,31 @@ class LiveScene:
         Raises:
             ValueError: nobody has driven yet.
             FileExistsError: there is something at path already.
+            RuntimeError: it came out otherwise, as the scene was changed by hand; nothing is kept then.
         """
         if not self.commands:
             raise ValueError("nobody has driven yet; there is nothing to save: start the scene with drive=True and press play")
         others = self.policy if self.policy is not None else self.law
         with SimulatedRobot(self.config, robot=0, others=others, learn=self.learn) as robot:
-            robot.enable("proximity", "floor", "motor_position")
+            robot.enable(*({"proximity", "floor", "motor_position"} & robot.capabilities))
             who = others.sha256() if others is not None else "none"
             note = f"{NOTE}; followers: {who}, learning over {self.learn} updates"
+            same = True
             with Recorder(path, robot, link="sim:", real=False, config=self.config, note=note) as recorder:
-                for command in self.commands:
+                for command, frame in zip(self.commands, self._kept, strict=True):
                     robot.step()
+                    same &= bool(
+                        np.array_equal(robot.record["x"], frame[:, 0]) and np.array_equal(robot.record["y"], frame[:, 1])
+                    )
                     robot.set_motors_speed(*command)
                     recorder.add(robot.time_s, robot, command=command)
                 robot.step()
-            if self.convoy.world.pose(0, 0) != robot.pose():
-                raise RuntimeError("the drive came out otherwise when it was driven again; the recording cannot be relied on")
+        if not same:
+            for file in (Path(path), Path(path).with_suffix(".json")):
+                file.unlink()
+            raise RuntimeError(
+                "the drive came out otherwise when it was driven again (was the scene changed by hand?); nothing is saved"
+            )
         return Path(path)
 
 

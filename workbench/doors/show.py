@@ -17,6 +17,7 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.policy import Policy
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.figures import png
+from workbench.study.motion import Motion
 from workbench.study.runs import Run
 
 Source = ConvoyConfig | Run | str | Path | LiveScene | StoredScene
@@ -48,8 +49,13 @@ def scene_of(source: Source, policy: Controller | None = None, *, learn: int = 0
             )
         config, commands = load_drive(source)
         return LiveScene(config, policy=learned, law=law, learn=learn, commands=commands)
+    if isinstance(source, Motion):
+        raise TypeError("source is a Motion; it does not know its configuration: expected StoredScene.of_motion(motion, config)")
     if policy is not None or learn or drive:
-        raise ValueError(f"policy, learn or drive with a {type(source).__name__}, which is over; to go on live give its config")
+        raise ValueError(
+            f"policy, learn or drive with a {type(source).__name__}; they go with a configuration only: give run.config, or a "
+            "scene that was made with them"
+        )
     if isinstance(source, Run):
         return StoredScene.of_run(source)
     if isinstance(source, (LiveScene, StoredScene)):
@@ -75,6 +81,10 @@ def play(
     Returns:
         The widget, or a picture.
     """
+    if not Path(folder).is_dir():
+        raise FileNotFoundError(f"folder = {str(folder)!r} does not exist; expected the folder that drives are saved in")
+    if not 0 < still_s < 1e5:
+        raise ValueError(f"still_s = {still_s!r}; expected simulated seconds above 0")
     scene = scene_of(source, policy, learn=learn, drive=drive)
     if paths.STATIC:
         return still(scene, still_s)

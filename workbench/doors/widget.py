@@ -3,16 +3,12 @@
     Arena(LiveScene(config, policy=run.policy))      # or ``workbench.play``, which makes the scene too
 
 The page asks for control periods when it wants to show them (messages "advance"), so that a hidden, reloaded or closed page costs
-nothing and the simulation never runs ahead. A message is handled whole: an interrupt of the kernel comes after it.
+nothing and the simulation never runs ahead. A control period is whole: an interrupt of the kernel comes after it.
 
 Contract: one thread at a time; handlers of several pages or cells wait for each other. Files are saved in the folder given, by
 plain names.
 """
 
-import contextlib
-import signal
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,22 +20,6 @@ from workbench.doors.scenes import Frames, LiveScene, StoredScene
 
 MOST = 200  # control periods per message
 CHUNK = 2000  # frames per message of the history
-
-
-@contextlib.contextmanager
-def whole() -> Iterator[None]:
-    """Let an interrupt wait until the block is done: half a control period would leave the scene inconsistent."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    waiting: list[Any] = []
-    before = signal.signal(signal.SIGINT, lambda *arguments: waiting.append(arguments))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if waiting and callable(before):
-            before(*waiting[0])
 
 
 class Arena(anywidget.AnyWidget):
@@ -63,59 +43,53 @@ class Arena(anywidget.AnyWidget):
     def __init__(self, scene: LiveScene | StoredScene, *, folder: str | Path = ".") -> None:
         super().__init__(about=scene.about, title=scene.title, live=scene.live, drivable=scene.drivable)
         self.scene, self.folder, self.saved = scene, Path(folder), ""
-        self._lock, self._generation = threading.Lock(), 0
         self.on_msg(self._hear)
 
     def _hear(self, _: object, message: dict[str, Any], buffers: object) -> None:
         kinds = {"advance": self._advance, "history": self._history, "restart": self._restart, "save": self._save}
-        with self._lock, whole():
+        with self.scene.lock:
             try:
                 kinds[message["type"]](message)
-            except (FloatingPointError, OSError, RuntimeError, ValueError) as error:
+            except Exception as error:  # whatever it is, the page must hear of it: it waits for an answer
                 self.send({"type": "said", "text": f"{type(error).__name__}: {error}", "stop": True})
 
+    def _live(self) -> LiveScene:
+        if not isinstance(self.scene, LiveScene):
+            raise ValueError(f"this scene is over ({self.scene.title}); expected a live one")
+        return self.scene
+
     def _advance(self, message: dict[str, Any]) -> None:
-        scene = self.scene
-        if not isinstance(scene, LiveScene):
-            return
-        shown = len(scene)
-        if message["generation"] != self._generation or message["have"] < shown:  # another page has gone on
-            self._tell(scene.frames[message["have"] :] if message["generation"] == self._generation else scene.frames, message)
+        scene, have = self._live(), int(message["have"])
+        if message["generation"] != scene.generation or have != len(scene):  # it was begun again, or another page has gone on
+            self._tell(have if message["generation"] == scene.generation and have < len(scene) else 0)
             return
         scene.steer(message["turn"], message["speed"])
-        self._tell(scene.advance(min(MOST, int(message["periods"]))), {"have": shown, "generation": self._generation})
+        scene.advance(min(MOST, int(message["periods"])))
+        self._tell(have)
 
     def _history(self, message: dict[str, Any]) -> None:
-        scene = self.scene
-        if isinstance(scene, LiveScene) and not len(scene):
-            scene.advance()
-        frames = scene.frames
-        for first in range(0, max(1, len(frames)), CHUNK):
-            self._tell(frames[first : first + CHUNK], {"have": first, "generation": self._generation, "history": True})
+        if isinstance(self.scene, LiveScene) and not len(self.scene):
+            self.scene.advance()
+        self._tell(0)
 
-    def _tell(self, frames: Frames, message: dict[str, Any]) -> None:
-        over = self.scene.ended if isinstance(self.scene, LiveScene) else True
-        fresh = message["generation"] == self._generation
-        self.send(
-            {
-                "type": "frames", "first": message["have"] if fresh else 0, "generation": self._generation, "over": over,
-                "restarted": not fresh, "history": message.get("history", False),
-            },
-            [np.ascontiguousarray(frames, np.float32).tobytes()],
-        )  # fmt: skip
+    def _tell(self, first: int) -> None:
+        """Send all frames from one on, in pieces."""
+        frames, live = self.scene.frames, isinstance(self.scene, LiveScene)
+        head = {"type": "frames", "generation": self.scene.generation, "over": self.scene.ended}
+        for at in range(first, max(first + 1, len(frames)), CHUNK):
+            part: Frames = np.ascontiguousarray(frames[at : at + CHUNK], np.float32)
+            self.send(head | {"first": at, "live": live}, [part.tobytes()])
 
     def _restart(self, message: dict[str, Any]) -> None:
-        assert isinstance(self.scene, LiveScene)
-        before, self._generation = self._generation, self._generation + 1
-        self.scene.restart()
-        self.scene.advance()
-        self._tell(self.scene.frames, {"have": 0, "generation": before})
+        scene = self._live()
+        scene.restart()
+        scene.advance()
+        self._tell(0)
 
     def _save(self, message: dict[str, Any]) -> None:
-        assert isinstance(self.scene, LiveScene)
-        name = str(message["name"])
+        scene, name = self._live(), str(message["name"])
         if Path(name).name != name or name.startswith("."):
             raise ValueError(f"name = {name!r}; expected a plain file name that ends in .csv")
-        self.saved = str(self.scene.save_drive(self.folder / name))
-        seconds = len(self.scene.commands) * self.about["period"]
+        self.saved = str(scene.save_drive(self.folder / name))
+        seconds = len(scene.commands) * self.about["period"]
         self.send({"type": "said", "text": f"saved {seconds:.1f} s; wb.play({self.saved!r}, policy) drives it again"})

@@ -270,6 +270,8 @@ class ConvoyConfig:
         What is scaled: distances, the track with its judder and line, sight, noise of distances; speeds of leader and wheels.
         Angles, rewards (in units of the bounds) and the control period stay. ``replace`` sets single values afterwards.
         """
+        if not isinstance(robot, RobotConfig):
+            raise TypeError(f"robot = {robot!r}; expected a RobotConfig, as load_robot({robot!r}) gives it")
         size = robot.body_radius_m / self.robot.body_radius_m
         pace = robot.most_mps / self.robot.most_mps
         return replace(

@@ -113,7 +113,7 @@ def _formation_step(
         step.left, step.right = left, right
         if step.event & LEARNED:
             formation.updates += 1
-        if not finite:
+        if not finite or robot.trouble:
             flags |= DIVERGED
         if task.restart and step.event & LOSS:
             flags |= RESTART

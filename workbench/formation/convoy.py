@@ -25,7 +25,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.tracks import Track, make_track
 from workbench.arena.world import World
 from workbench.formation.body import draw_bodies
 from workbench.formation.camera_sense import Eyes
@@ -34,9 +33,10 @@ from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.control import DIVERGED, FORMATION, carry_out, carry_out_all, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
-from workbench.formation.own import OwnReward
+from workbench.formation.own import OwnReward, trouble
 from workbench.formation.reset import FOLLOW
 from workbench.formation.reward import OWN
+from workbench.formation.stage import track_of
 from workbench.formation.task import fill_task
 from workbench.formation.weights import first_weights
 from workbench.learning.gq import not_finite
@@ -184,6 +184,12 @@ class Convoy:
         return periods
 
     @property
+    def resting(self) -> NDArray[np.int64]:
+        """(B,) 1 for formations that take no part in ``period`` and ``command_all``, a live view: set it to leave some out."""
+        resting: NDArray[np.int64] = self._formations["done"]
+        return resting
+
+    @property
     def finished(self) -> bool:
         """Whether every formation has used up its steps or periods."""
         return bool(np.all(self._formations["done"]))
@@ -253,16 +259,24 @@ class Convoy:
         """Tell all followers that are driven from outside (law ``Outside``) their wheel speeds for period t.
 
         Args:
-            left, right: (B, followers) steps/s; those of a follower that is driving back are ignored.
+            left, right: (B, followers) whole steps/s; those of a follower that is driving back, or of a formation that rests, are
+                ignored.
+
+        Raises:
+            ValueError: another shape.
         """
+        shape = (len(self.seeds), self.config.followers)
+        if left.shape != shape or right.shape != shape:
+            raise ValueError(f"left and right have shapes {left.shape} and {right.shape}; expected {shape}")
         carry_out_all(self.task, self._formations, self.robots, self.world.ctrl, left, right, self._chance[:, t % BLOCK])
 
-    def begin_again(self, formation: int) -> None:
-        """Let all followers of a formation that was put somewhere else begin a new episode there."""
+    def begin_again(self, formation: int, *, forget: bool = True) -> None:
+        """Let all followers of a formation that was put somewhere else begin a new episode there; ``forget`` what they saw."""
         robots = self.robots[formation]
-        self._waiting[formation] = 0
-        robots["pc"] = robots["ps"] = 0.0  # what was measured of the last period is void
-        robots["tracked"] = robots["queue"] = robots["heard"] = 0
+        if forget:
+            self._waiting[formation] = 0
+            robots["pc"] = robots["ps"] = 0.0  # what was measured of the last period is void
+            robots["tracked"] = robots["queue"] = robots["heard"] = 0
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
             begin_episode(robot, ids)
             robot["phase"], robot["timer"] = FOLLOW, 0
@@ -354,6 +368,8 @@ class Convoy:
 
     def _attend(self, flags: int, t: int) -> None:
         if flags & DIVERGED:
+            if said := trouble(self.robots, *self._kept):
+                raise ValueError(said)
             for b, seed in enumerate(self.seeds):
                 if not np.all(np.isfinite(self.weights[b])):
                     learner = self.config.learner
@@ -376,25 +392,3 @@ def _release(ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: N
         ctrl[:] = waiting
     else:
         ctrl[running] = waiting[running]
-
-
-def world_of(config: ConvoyConfig) -> World:
-    """Return a world of one formation on its own track, lined up."""
-    return World(
-        config.followers, [track_of(config)], drive=config.drive, spacing_m=config.middle_m,
-        line_width_m=config.track.line_width_m, robot=config.robot,
-    )  # fmt: skip
-
-
-def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
-    """Return ``world_of`` a configuration with the robots where one row of step records (STEP) has them."""
-    world = world_of(config)
-    for robot, pose in enumerate(poses):
-        world.place(0, robot, float(pose["x"]), float(pose["y"]), float(pose["heading"]))
-    return world
-
-
-def track_of(config: ConvoyConfig, rng: np.random.Generator | None = None) -> Track:
-    """Return the track that a formation of this configuration drives on, drawn from its seed unless a generator is given."""
-    chance = rng if rng is not None else children(config.seed)["track"]
-    return make_track(config.track, chance, convoy_length_m=config.followers * config.middle_m)

@@ -100,6 +100,7 @@ FOLLOWER = np.dtype(
         ("sx", "f8"), ("sy", "f8"), ("sc", "f8"), ("ss", "f8"), ("missed", "i8"), ("tracked", "i8"),
         # body: wheel radius and axle relative to the nominal ones; commands on their way, steps/s, the newest first
         ("wheel", "f8"), ("axle", "f8"), ("queue", "i8", (LONGEST_DELAY, 2)),
+        ("trouble", "i8"), ("trouble_at", "f8", (2,)),  # whether a function of the user's own failed, and for which arguments
         ("heard", "i8"), ("silent", "i8"),  # whether a reading has arrived since the start; whether none arrives now
     ],
     align=True,
@@ -219,6 +220,8 @@ def reward_at(task: Any, follower: Any, e_d: float, o_err: float) -> float:
         u, v = e_d / task.half_range, o_err / task.limit
     if task.own_reward:
         own: float = call_at(task.own_reward, u, v)
+        if not math.isfinite(own):
+            follower.trouble, follower.trouble_at[0], follower.trouble_at[1] = 1, u, v
         return own
     return step_reward(task.preset, u, v)
 

@@ -10,23 +10,25 @@ A function is compiled by numba and called by its address, so that it costs no m
         return 0.06 + 2.0 * (distance - 0.15), 4.0 * bearing    # forward speed in m/s, turning rate in rad/s (left positive)
     evaluate(OwnLaw(function=chase), config)
 
-It may call ``math`` and numpy as far as numba can; what it takes from outside must be plain numbers, which are frozen when it is
-compiled. It must return the same for the same arguments.
+It may call ``math``, numpy and other functions as far as numba can; numbers, tuples and arrays that it takes from outside are
+frozen when it is compiled, and compiled anew when they have changed. It must return the same for the same arguments.
 
 >>> own_reward(lambda u, v: -abs(u)).worst
 -1.0
 >>> own_reward(lambda u, v: 1.0 / u)
 Traceback (most recent call last):
     ...
-ValueError: reward '<lambda>' is not finite at u = 0, v = -1 (ZeroDivisionError); expected a finite number for all u, v in [-1, 1]
+ValueError: reward '<lambda>' is not finite at u = 0, v = -1; expected a finite number for all u, v in [-1, 1]
 
-Contract: an Own object keeps the compiled function alive; what holds its address must hold the object too.
+Contract: values are looked at on a grid when a function is given; where it fails between the points of the grid, the run stops
+with an error that says where. Compiled functions are kept for as long as the process lives.
 """
 
-import functools
 import hashlib
+import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from types import CodeType
 from typing import Any, ClassVar
 
 import numba
@@ -40,17 +42,19 @@ from workbench.formation.config import ConvoyConfig
 
 Reward = Callable[[float, float], float]
 Law = Callable[[float, float], tuple[float, float]]
-_GRID = np.linspace(-1.0, 1.0, 41)
+_GRID = np.linspace(-1.0, 1.0, 101)
 _POINT = types.float64(types.float64, types.float64)
+_RETURNS = {"reward": "a number", "law": "two numbers: speed in m/s, turning rate in rad/s"}
+_compiled: dict[tuple[str, str], list[Any]] = {}  # (hash, what) → C functions; never emptied: their addresses are in use
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class OwnReward:
     """A compiled reward.
 
     Attributes:
         name: of the function.
-        sha256: of what it does: code, constants and the numbers that it takes from outside.
+        sha256: of what it does: code, constants and what it takes from outside.
         address: of the compiled function.
         worst: its smallest value on a grid of all u, v in [-1, 1].
     """
@@ -59,7 +63,6 @@ class OwnReward:
     sha256: str
     address: int
     worst: float
-    keep: object = field(repr=False)
 
 
 def own_reward(function: Reward) -> OwnReward:
@@ -67,19 +70,11 @@ def own_reward(function: Reward) -> OwnReward:
 
     Raises:
         TypeError: it is no function of two numbers that numba can compile.
-        ValueError: a value is not finite.
+        ValueError: a value is not finite, or not the same twice.
     """
-    name, inner = _compile(function, "reward", "a number")
-    values = [_look(inner, u, v, "reward", name, "u = {:g}, v = {:g}", "u, v in [-1, 1]") for u in _GRID for v in _GRID]
-    call: Any = numba.cfunc(_POINT)(_number(inner))
-    return OwnReward(name, code_sha256(function), call.address, float(min(values)), call)
-
-
-def _number(inner: Any) -> Callable[[float, float], float]:
-    def number(x: float, y: float) -> float:
-        return float(inner(x, y))
-
-    return number
+    [call] = _compile(function, "reward")
+    values = _look([call], _GRID, _GRID, "reward", _name(function), "u = {:g}, v = {:g}", "u, v in [-1, 1]")
+    return OwnReward(_name(function), code_sha256(function), call.address, float(values.min()))
 
 
 @dataclass(frozen=True)
@@ -87,6 +82,9 @@ class OwnLaw(ControlLaw):
     """A steering law given as a function of distance (m) and bearing (rad): returns speed (m/s) and turning rate (rad/s).
 
     Commands stay within the learner's range of wheel speeds. Objects can be sent to other processes if the function can.
+
+    Raises:
+        TypeError: it is no plain function.
     """
 
     name: ClassVar[str] = "own"
@@ -94,6 +92,9 @@ class OwnLaw(ControlLaw):
     needs: ClassVar[tuple[str, ...]] = ("distance", "bearing")
 
     function: Law
+
+    def __post_init__(self) -> None:
+        _plain(self.function, "law")
 
     def gains(self) -> tuple[float, ...]:
         """Return nothing: what the law is stands in its function."""
@@ -106,17 +107,14 @@ class OwnLaw(ControlLaw):
             TypeError, ValueError: see ``own_reward``.
         """
         super().check(config)
-        name, inner = _compile(self.function, "law", "two numbers: speed in m/s, turning rate in rad/s")
-        for distance in np.linspace(*config.distance_m, 21):
-            for bearing in config.bearing_limit_rad * np.linspace(-1, 1, 21):
-                where = "distance = {:g} m, bearing = {:g} rad"
-                _look(inner, float(distance), float(bearing), "law", name, where, "places within the bounds")
+        distances, bearings = np.linspace(*config.distance_m, 51), config.bearing_limit_rad * np.linspace(-1, 1, 51)
+        where = "distance = {:g} m, bearing = {:g} rad"
+        _look(_compile(self.function, "law"), distances, bearings, "law", _name(self.function), where, "places within the bounds")
 
-    def addresses(self) -> tuple[int, int, object]:
-        """Return the addresses of speed and turning rate, and what must be kept alive."""
-        _, inner = _compile(self.function, "law", "two numbers: speed in m/s, turning rate in rad/s")
-        calls: list[Any] = [numba.cfunc(_POINT)(_part(inner, k)) for k in (0, 1)]
-        return calls[0].address, calls[1].address, calls
+    def addresses(self) -> tuple[int, int]:
+        """Return the addresses of the compiled speed and turning rate."""
+        speed, turn = _compile(self.function, "law")
+        return speed.address, turn.address
 
     def sha256(self) -> str:
         """Return a hash of what the function does."""
@@ -127,64 +125,146 @@ class OwnLaw(ControlLaw):
         raise ValueError("a law of your own is code and is not stored; leave out= out, and keep run.summary or run.records")
 
 
-def _part(inner: Any, k: int) -> Callable[[float, float], float]:
-    if k == 0:
-        return lambda x, y: float(inner(x, y)[0])
-    return lambda x, y: float(inner(x, y)[1])
+def trouble(robots: NDArray[np.void], law: ControlLaw | None, reward: OwnReward | None) -> str:
+    """Return what to say where a function of the user's own failed in the loop, "" if none did."""
+    at = np.argwhere(robots["trouble"] != 0)
+    if not len(at):
+        return ""
+    record = robots[tuple(at[0])]
+    x, y = float(record["trouble_at"][0]), float(record["trouble_at"][1])
+    if isinstance(law, OwnLaw):
+        where = f"distance = {x:g} m, bearing = {y:g} rad"
+        return f"law {_name(law.function)!r} is not finite at {where}; expected two finite numbers there"
+    name = reward.name if reward is not None else ""
+    return f"reward {name!r} is not finite at u = {x:g}, v = {y:g}; expected a finite number for all u, v in [-1, 1]"
 
 
-@functools.lru_cache(maxsize=64)
-def _compile(function: Callable[..., object], what: str, returns: str) -> tuple[str, Any]:
-    name = getattr(function, "__name__", repr(function))
-    if not callable(function) or not hasattr(function, "__code__"):
-        raise TypeError(f"{what} = {function!r}; expected a plain Python function of two numbers that returns {returns}")
-    inner: Any = numba.njit(function)  # its types are known to numba only
+def _name(function: Callable[..., object]) -> str:
+    return getattr(function, "__name__", repr(function))
+
+
+def _plain(function: Any, what: str) -> Any:
+    """Return the Python function behind a function or a numba dispatcher; refuse anything else."""
+    plain = getattr(function, "py_func", function)
+    if not inspect.isfunction(plain):
+        raise TypeError(f"{what} = {function!r}; expected a plain Python function of two numbers that returns {_RETURNS[what]}")
+    return plain
+
+
+def _compile(function: Callable[..., object], what: str) -> list[Any]:
+    """Return the C functions of a reward (one) or of a law (speed, turning rate); NaN where the function raises."""
+    plain = _plain(function, what)
+    key = (code_sha256(plain), what)
+    if key in _compiled:
+        return _compiled[key]
+    inner: Any = numba.njit(plain)  # its types are known to numba only
+
+    def call(x: float, y: float) -> object:
+        return inner(x, y)
+
+    outer: Any = numba.njit(call)  # defaults of further arguments are filled in here
     try:
-        inner.compile((types.float64, types.float64))
-        result: Any = inner.overloads[types.float64, types.float64].signature.return_type
-    except (numba.core.errors.NumbaError, TypeError) as error:
-        first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        outer.compile((types.float64, types.float64))
+        result: Any = outer.overloads[types.float64, types.float64].signature.return_type
+    except (numba.core.errors.NumbaError, TypeError, NotImplementedError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        first = next((line for line in lines if not line.startswith("Failed in nopython")), type(error).__name__)
         raise TypeError(
-            f"{what} {name!r} cannot be compiled: {first}; expected a function of two numbers that returns {returns}"
+            f"{what} {_name(function)!r} cannot be compiled: {first}; expected a function of two numbers that returns "
+            f"{_RETURNS[what]}"
         ) from error
-    pair = isinstance(result, types.BaseTuple)
-    if pair != (what == "law") or (pair and (len(result) != 2 or not all(isinstance(kind, types.Number) for kind in result))):
-        raise TypeError(f"{what} {name!r} returns {result}; expected {returns}")
-    if not pair and not isinstance(result, (types.Number, types.Boolean)):
-        raise TypeError(f"{what} {name!r} returns {result}; expected {returns}")
-    return name, inner
+    kinds: list[Any] = list(getattr(result, "types", [result]))
+    real = all(isinstance(kind, (types.Float, types.Integer, types.Boolean)) for kind in kinds)
+    if not real or isinstance(result, types.BaseTuple) != (what == "law") or len(kinds) != (2 if what == "law" else 1):
+        raise TypeError(f"{what} {_name(function)!r} returns {result}; expected {_RETURNS[what]}")
+    parts = (_first, _second) if what == "law" else (_only,)
+    _compiled[key] = [numba.cfunc(_POINT)(part(outer)) for part in parts]
+    return _compiled[key]
 
 
-def _look(inner: Any, x: float, y: float, what: str, name: str, where: str, domain: str) -> float:
-    """Return the (first) value at x, y; refuse what is not finite."""
-    trouble = ""
-    try:
-        values = np.atleast_1d(inner(float(x), float(y)))
-    except (ArithmeticError, ValueError) as error:
-        values, trouble = np.array([np.nan]), f" ({type(error).__name__})"
-    if not np.all(np.isfinite(values)):
+def _only(inner: Any) -> Callable[[float, float], float]:
+    def value(x: float, y: float) -> float:
+        try:
+            return float(inner(x, y))
+        except Exception:  # noqa: BLE001  # numba knows no other kind
+            return np.nan
+
+    return value
+
+
+def _first(inner: Any) -> Callable[[float, float], float]:
+    def value(x: float, y: float) -> float:
+        try:
+            return float(inner(x, y)[0])
+        except Exception:  # noqa: BLE001
+            return np.nan
+
+    return value
+
+
+def _second(inner: Any) -> Callable[[float, float], float]:
+    def value(x: float, y: float) -> float:
+        try:
+            return float(inner(x, y)[1])
+        except Exception:  # noqa: BLE001
+            return np.nan
+
+    return value
+
+
+def _look(
+    calls: list[Any], xs: NDArray[np.float64], ys: NDArray[np.float64], what: str, name: str, where: str, domain: str
+) -> NDArray[np.float64]:
+    """Return the (first) values on a grid; refuse what is not finite or changes."""
+    found = [[[call.ctypes(float(x), float(y)) for y in ys] for x in xs] for call in calls for _ in range(2)]
+    values = np.array(found)
+    for k, (x, y) in enumerate((x, y) for x in xs for y in ys):
+        if not np.all(np.isfinite(values.reshape(len(found), -1)[:, k])):
+            raise ValueError(f"{what} {name!r} is not finite at {where.format(x, y)}; expected a finite number for all {domain}")
+    if not np.array_equal(values[::2], values[1::2]):
         raise ValueError(
-            f"{what} {name!r} is not finite at {where.format(x, y)}{trouble}; expected a finite number for all {domain}"
+            f"{what} {name!r} does not return the same for the same arguments; expected a function without chance or memory"
         )
-    return float(values[0])
+    first: NDArray[np.float64] = values[0]
+    return first
 
 
 def code_sha256(function: Callable[..., object]) -> str:
-    """Return a hash of what a function does: byte code, constants, and plain numbers that it takes from outside."""
+    """Return a hash of what a function does: code, constants, defaults, and what it takes from outside."""
     digest = hashlib.sha256()
-    code = function.__code__
-    digest.update(code.co_code + repr((code.co_names, _plain(code.co_consts))).encode())
-    outside = dict(function.__globals__)
-    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
-        outside[name] = cell.cell_contents
-    for name in sorted({*code.co_names, *code.co_freevars}):
-        value: Any = outside.get(name)
-        if isinstance(value, (int, float, bool)):
-            digest.update(f"{name}={value!r}".encode())
-        elif hasattr(value, "__code__") and value is not function:
-            digest.update(f"{name}:{code_sha256(value)}".encode())
+    _take_in(getattr(function, "py_func", function), digest, set())
     return digest.hexdigest()
 
 
-def _plain(constants: tuple[object, ...]) -> list[str]:
-    return [repr(constant) if not hasattr(constant, "co_code") else constant.co_code.hex() for constant in constants]
+def _take_in(function: Any, digest: Any, seen: set[CodeType]) -> None:
+    code = function.__code__
+    if code in seen:
+        return
+    seen.add(code)
+    names = _take_in_code(code, digest)
+    digest.update(repr((function.__defaults__, function.__kwdefaults__)).encode())
+    outside = dict(function.__globals__) | {
+        name: cell.cell_contents for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)
+    }
+    for name in sorted(names & set(outside)):
+        value = outside[name]
+        value = getattr(value, "py_func", value)
+        if inspect.isfunction(value):
+            digest.update(name.encode())
+            _take_in(value, digest, seen)
+        elif isinstance(value, np.ndarray):
+            digest.update(f"{name}{value.dtype}{value.shape}".encode() + value.tobytes())
+        elif isinstance(value, (bool, int, float, complex, str, tuple, np.generic)):
+            digest.update(f"{name}={value!r}".encode())
+
+
+def _take_in_code(code: CodeType, digest: Any) -> set[str]:
+    """Take in byte code and constants, nested functions' too; return all names that occur."""
+    names = {*code.co_names, *code.co_freevars}
+    digest.update(code.co_code + repr(code.co_names).encode())
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            names |= _take_in_code(constant, digest)
+        else:
+            digest.update(repr(constant).encode())
+    return names

@@ -36,6 +36,7 @@ from workbench.formation.errors import observe
 from workbench.formation.policy import Policy
 from workbench.formation.senses import sense_proximity
 from workbench.robot.api import SENSORS, Robot
+from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import SENSORS as RING_SENSORS
 from workbench.robot.infrared import calibrate, raw_reading
@@ -96,6 +97,8 @@ class SimulatedRobot(Robot):
             )
         self.robot, self._others, self._learn = robot, others, learn
         self.most_steps = self.config.robot.most_steps
+        if self.config.robot != EPUCK:  # what its sensors would read nobody has measured
+            self.capabilities = self.capabilities - {"proximity", "light", "calibrate"}
         self._furnish, self._reflectance = furnish, reflectance
         self.lights: dict[str, tuple[int, ...]] = {}
 

@@ -52,6 +52,7 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
     if law == OWN:
         v, omega = call_at(task.own_speed, distance, bearing), call_at(task.own_turn, distance, bearing)
         if not (math.isfinite(v) and math.isfinite(omega)):
+            follower.trouble, follower.trouble_at[0], follower.trouble_at[1] = 1, distance, bearing
             v = omega = 0.0
     elif law == LEADER_FRAME:
         v, omega = leader_frame(distance, bearing, follower.ahead_heading, follower.ahead_speed, error, gain[0], gain[1])

@@ -87,7 +87,7 @@ def fill_task(
         gains = law.gains()
         task["law"], task["gain"][0, : len(gains)] = law.number, gains
         if isinstance(law, OwnLaw):
-            task["own_speed"], task["own_turn"], _ = law.addresses()
+            task["own_speed"], task["own_turn"] = law.addresses()
     return task
 
 

@@ -66,6 +66,13 @@ class RobotConfig:
                 "of it: the mass has both wheels in it"
             )
 
+        smallest, middle, largest = sorted(self.inertia_kg_m2)
+        if smallest + middle < largest * (1 - 1e-9):
+            raise ValueError(
+                f"RobotConfig.inertia_kg_m2 = {self.inertia_kg_m2!r}; no body has a moment larger than the sum of the other two: "
+                "expected each at most that"
+            )
+
     @property
     def step_m(self) -> float:
         """Rim travel per motor step in m."""

@@ -80,11 +80,11 @@ class _Loop:
         return controls
 
 
-def bench(*, turns: int = 36) -> dict[str, Any]:
+def bench(*, turns: int = 36, runs: int = 200) -> dict[str, Any]:
     """Return times in µs, their ratios and the peak memory of this process in MiB.
 
     Args:
-        turns: timed blocks of 2 500 formation steps per loop.
+        turns: timed blocks of 2 500 formation steps per loop; runs: of the sweep.
     """
     base = ConvoyConfig()
     planar = replace(base, drive="planar")
@@ -115,7 +115,7 @@ def bench(*, turns: int = 36) -> dict[str, Any]:
     result["robot_growth_over_bare"] = growth["64"] / growth["4"]
     result |= _environment()
     result["peak_mib"] = peak_mib()
-    return result | _sweeps()
+    return result | _sweeps(runs)
 
 
 def _environment(formations: int = 64, steps: int = 500, turns: int = 5) -> dict[str, float]:
@@ -142,7 +142,7 @@ def short_run(config: ConvoyConfig) -> int:
     return int(learn(config, steps=20_000, progress=False).summary["losses"])
 
 
-def _sweeps(runs: int = 200) -> dict[str, float]:
+def _sweeps(runs: int) -> dict[str, float]:
     """Return the time of a sweep in this process and on all cores, start of the processes included."""
     configs = [ConvoyConfig(drive="planar", seed=seed) for seed in range(runs)]
     taken = {}

@@ -178,7 +178,8 @@ def png(fig: Figure) -> bytes:
 
 
 def _draw(fig: Figure, kind: str) -> bytes:
-    legible(fig)
+    with style():
+        legible(fig)
     buffer = io.BytesIO()
     metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
     with style():  # also fixes the salt of SVG's identifiers: without it they are random

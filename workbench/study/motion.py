@@ -24,9 +24,10 @@ from scipy import signal
 from workbench.arena.tracks import Track
 from workbench.formation.classical import ControlLaw, Controller, check_controller
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import Convoy, track_of
+from workbench.formation.convoy import Convoy
 from workbench.formation.follower import EXPLORED
 from workbench.formation.reset import FOLLOW
+from workbench.formation.stage import track_of
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.records import sampled_blocks

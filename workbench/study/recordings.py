@@ -36,6 +36,7 @@ from workbench.formation.drive import SoloFollower
 from workbench.formation.reset import PHASES
 from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.motors import MAX_STEPS_EPUCK2
 from workbench.study.storage import read_json, write_json
 
 SCHEMA = 1
@@ -235,9 +236,10 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
         raise ValueError(f"{place.with_suffix('.json')}: rate_hz = {rate!r}; expected rows per second")
     if header["complete"] and not place.is_file():
         raise FileNotFoundError(f"{place} does not exist, though its sidecar says that it is complete; restore it")
+    most = MAX_STEPS_EPUCK2
     if header["config"] is not None:
         try:
-            fields.from_dict(ConvoyConfig, header["config"])
+            most = max(most, fields.from_dict(ConvoyConfig, header["config"]).robot.most_steps)
         except (TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{place.with_suffix('.json')}: config: {error}") from None
     content = place.read_bytes() if place.is_file() else b""  # killed before the first byte
@@ -253,7 +255,7 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
         raise ValueError(f"{place}, row 0: columns {lines[:1]}; expected {','.join(header['columns'])}")
     rows = [_parse(place, number, line, header["columns"]) for number, line in enumerate(lines[1:], start=1)]
     frame = pd.DataFrame(np.array(rows, dtype=np.float64).reshape(-1, len(header["columns"])), columns=header["columns"])
-    _check(place, frame, float(header["rate_hz"]), gap_s)
+    _check(place, frame, float(header["rate_hz"]), gap_s, most)
     for column in WHOLE:
         if column in frame:
             frame[column] = frame[column].astype(np.int64)
@@ -274,12 +276,12 @@ def _parse(place: Path, number: int, line: str, columns: list[str]) -> list[floa
     return row
 
 
-def _check(place: Path, frame: pd.DataFrame, rate_hz: float, gap_s: float) -> None:
-    """Name the first violation, row by row."""
+def _check(place: Path, frame: pd.DataFrame, rate_hz: float, gap_s: float, most: int) -> None:
+    """Name the first violation, row by row; ``most`` is the fastest command that there can be, steps/s."""
     if "t_s" not in frame:
         raise ValueError(f"{place} has no column t_s; a table without time is no recording")
     values = frame.to_numpy()
-    low, high = np.array([_range(column) for column in frame.columns]).T
+    low, high = np.array([_range(column, most) for column in frame.columns]).T
     wrong = ~((values >= low) & (values <= high))
     whole = [frame.columns.get_loc(column) for column in WHOLE if column in frame]
     wrong[:, whole] |= values[:, whole] != np.round(values[:, whole])
@@ -291,7 +293,7 @@ def _check(place: Path, frame: pd.DataFrame, rate_hz: float, gap_s: float) -> No
     for row in np.flatnonzero(wrong.any(axis=1) | order | gap)[:1]:
         if wrong[row].any():
             column = frame.columns[int(np.argmax(wrong[row]))]
-            a, b = _range(column)
+            a, b = _range(column, most)
             kind = "a whole number" if column in WHOLE else "a number"
             raise ValueError(
                 f"{place}, row {row + 1}, column {column}: {values[row][wrong[row]][0]:g}; expected {kind} from {a:g} to {b:g}"
@@ -305,7 +307,9 @@ def _check(place: Path, frame: pd.DataFrame, rate_hz: float, gap_s: float) -> No
             raise ValueError(f"{place}, column t_s: {rate:.3g} rows a second; its sidecar says {rate_hz:.3g}")
 
 
-def _range(column: str) -> tuple[float, float]:
+def _range(column: str, most: int) -> tuple[float, float]:
+    if column in ("left_command", "right_command"):
+        return -most, most
     for names, _, low, high in GROUPS.values():
         if column in names:
             return low, high

@@ -57,6 +57,7 @@ class Run:
         policy: the learned (or the followed) action values with their tiles and levels, or the law that drove.
         w: (tables, rows, actions) secondary weights.
         records: see ``workbench.study.records.Recorder.records``.
+        reward_sha256: of the reward of one's own that it learned with, if it did.
     """
 
     kind: str
@@ -66,6 +67,7 @@ class Run:
     policy: Controller
     w: NDArray[np.float64]
     records: Records
+    reward_sha256: str | None = None
 
     @property
     def visits(self) -> NDArray[np.int64]:
@@ -91,7 +93,7 @@ class Run:
         for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
             (folder / name).unlink(missing_ok=True)
         started = self.policy if self.kind == "evaluate" else None
-        storage.write_json(folder / "config.json", _header(self.kind, self.config, self.length, started))
+        storage.write_json(folder / "config.json", _header(self.kind, self.config, self.length, started, self.reward_sha256))
         _store(self, folder)
 
 
@@ -125,8 +127,7 @@ def learn(
     """
     folders = [Path(out)] if out is not None else None
     policies: list[Controller] | None = [policy] if policy is not None else None
-    own = own_reward(reward) if reward is not None else None
-    config = replace(config, reward=OWN) if own is not None else config
+    config, own = _rewarded(config, reward)
     batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policies, folders, reward=own)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
 
@@ -136,6 +137,7 @@ def learn_seeds(
     seeds: Sequence[int],
     *,
     steps: int,
+    reward: Reward | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     progress: Progress = True,
@@ -144,7 +146,8 @@ def learn_seeds(
 ) -> list[Run]:
     """Learn with several seeds as one batch of formations; arguments as ``learn``, each run in ``out``/seed-N."""
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if out is not None else None
-    batch = _Batch("learn", config, tuple(seeds), _positive("steps", steps), None, folders, threads)
+    config, own = _rewarded(config, reward)
+    batch = _Batch("learn", config, tuple(seeds), _positive("steps", steps), None, folders, threads, own)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)
 
 
@@ -228,13 +231,19 @@ def load_run(path: str | Path) -> Run:
     if lacking:
         raise ValueError(f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again")
     config = fields.from_dict(ConvoyConfig, header["config"])
-    return Run(header["kind"], config, header["length"], weights.updates, weights.policy, weights.w, records)
+    return Run(
+        header["kind"], config, header["length"], weights.updates, weights.policy, weights.w, records, header.get("reward_sha256")
+    )
 
 
 def stored_request(path: str | Path) -> tuple[ConvoyConfig, int]:
     """Return configuration and length of a run folder, complete or not."""
     header = _read_header(Path(path))
     return fields.from_dict(ConvoyConfig, header["config"]), int(header["length"])
+
+
+def _rewarded(config: ConvoyConfig, reward: Reward | None) -> tuple[ConvoyConfig, OwnReward | None]:
+    return (config, None) if reward is None else (replace(config, reward=OWN), own_reward(reward))
 
 
 class _Batch:
@@ -324,7 +333,7 @@ class _Batch:
         return first if isinstance(first, ControlLaw) else None
 
     def _results(self, convoy: Convoy, recorders: list[Recorder]) -> list[Run]:
-        runs = []
+        runs, own = [], self.reward.sha256 if self.reward is not None else None
         for b, config in enumerate(self.configs):
             theta, w = convoy.tables(b)
             updates = int(convoy.updates[b])
@@ -334,7 +343,7 @@ class _Batch:
                     "periods; the followers were lost most of the time: check bounds, speeds and sight_m"
                 )
             policy = self._law() or Policy.of(config, theta)
-            runs.append(Run(self.kind, config, self.length, updates, policy, w, recorders[b].records()))
+            runs.append(Run(self.kind, config, self.length, updates, policy, w, recorders[b].records(), own))
         return runs
 
     def _prepare(self, folder: Path, resume: bool) -> None:

@@ -4,7 +4,8 @@ Colour-blind safe cycle (Okabe and Ito), repeated by markers; viridis on a log s
 light grey.
 """
 
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -42,21 +43,50 @@ def new_axes(width_in: float = 5.0, height_in: float = 4.0) -> Axes:
 
 
 def legible(fig: Figure, width_in: float = 7.0) -> None:
-    """Enlarge the text of a figure that is wider than a page (7 inches at 700 pixels), so that it can be read there; once."""
-    factor = (fig.get_figwidth() / width_in) ** 0.7
-    if factor <= 1.0 or getattr(fig, "_legible", False):
+    """Make a figure readable on a page (7 inches at 700 pixels), once: larger text where it is wider, labels that fit their axes.
+
+    Notes and legends that several plots side by side share are left to the first.
+    """
+    if getattr(fig, "_legible", False):
         return
     fig._legible = True  # type: ignore[attr-defined]  # ours
-    for ax in fig.axes:
+    factor = max(1.0, fig.get_figwidth() / width_in) ** 0.7
+    _leave_to_the_first(fig.axes)
+    fig.set_figheight(factor * fig.get_figheight())
+    for ax in fig.findobj(Axes):
+        assert isinstance(ax, Axes)
         for axis in (ax.xaxis, ax.yaxis):
             size = axis.get_tick_params().get("labelsize") or mpl.rcParams["xtick.labelsize"]
-            axis.set_tick_params(labelsize=factor * FontProperties(size=size).get_size_in_points())
-            axis.offsetText.set_fontsize(factor * axis.offsetText.get_fontsize())
+            for which in ("major", "minor"):
+                axis.set_tick_params(which=which, labelsize=factor * FontProperties(size=size).get_size_in_points())
     ticks = {text for ax in fig.axes for text in (*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both"))}
     for text in fig.findobj(Text):
         assert isinstance(text, Text)
         if text not in ticks:
             text.set_fontsize(factor * text.get_fontsize())
+    fig.draw_without_rendering()
+    for ax in fig.axes:
+        box = ax.get_window_extent()
+        for label, room in ((ax.xaxis.label, box.width), (ax.yaxis.label, box.height)):
+            extent = label.get_window_extent()
+            length = extent.width if label is ax.xaxis.label else extent.height
+            if label.get_text() and length > room and "\n" not in label.get_text():
+                label.set_text(textwrap.fill(label.get_text(), max(10, int(len(label.get_text()) * room / length))))
+    fig.draw_without_rendering()  # a constrained layout still moves at its first drawing
+
+
+def _leave_to_the_first(axes: Sequence[Axes]) -> None:
+    notes, legends = set[str](), set[tuple[str, ...]]()
+    for ax in axes:
+        said = ax.get_title(loc="left")
+        if said.startswith(("mean, ", "difference ")) and said in notes:
+            ax.set_title("", loc="left")
+        notes.add(said)
+        legend = ax.get_legend()
+        names = tuple(text.get_text() for text in legend.get_texts()) if legend is not None else ()
+        if legend is not None and names in legends:
+            legend.remove()
+        legends.add(names)
 
 
 def note(ax: Axes, text: str) -> None:

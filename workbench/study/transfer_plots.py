@@ -34,7 +34,7 @@ def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
     ax.tick_params(length=0)
     ax.axvline((worlds == 0).sum() - 0.5, color="white", linewidth=2.5)  # to the right of it commands come late
     ax.set_xlabel("number of the world; its commands late by (s)")
-    note(ax, f"emulated · {table['route'].iloc[0]} · {table['table'].iloc[0]} · numbers: losses in 30 min")
+    note(ax, f"emulated · {table['route'].iloc[0]} · {table['table'].iloc[0]}")
     return ax
 
 
