@@ -1,6 +1,7 @@
 """Every notebook runs in quick mode from a clean kernel, and is stored with outputs and without noise."""
 
 import json
+import os
 import re
 
 import nbformat
@@ -52,3 +53,14 @@ def test_a_failing_notebook_is_named(tmp_path):
 
 
 test_a_failing_notebook_is_named = pytest.mark.filterwarnings("default")(test_a_failing_notebook_is_named)
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_stored_notebook_has_pictures_where_a_live_one_has_widgets(tmp_path, monkeypatch):
+    monkeypatch.delenv("WORKBENCH_STATIC")
+    cell = "from workbench.doors.panels import tile_panel\ntile_panel()"
+    nbformat.write(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell)]), tmp_path / "98_panel.ipynb")
+    execute(tmp_path / "98_panel.ipynb", store=True)
+    [out] = nbformat.read(tmp_path / "98_panel.ipynb", 4).cells[0].outputs
+    assert "image/png" in out.data and not any("widget" in kind for kind in out.data)
+    assert "WORKBENCH_STATIC" not in os.environ

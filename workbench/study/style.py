@@ -72,7 +72,8 @@ def legible(fig: Figure, width_in: float = 7.0) -> None:
             length = extent.width if label is ax.xaxis.label else extent.height
             if label.get_text() and length > room and "\n" not in label.get_text():
                 label.set_text(textwrap.fill(label.get_text(), max(10, int(len(label.get_text()) * room / length))))
-    fig.draw_without_rendering()  # a constrained layout still moves at its first drawing
+    fig.draw_without_rendering()
+    fig.set_layout_engine("none")  # frozen: a constrained layout moves a little at every drawing
 
 
 def _leave_to_the_first(axes: Sequence[Axes]) -> None:
