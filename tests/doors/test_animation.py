@@ -2,6 +2,7 @@
 
 import io
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -24,6 +25,8 @@ def test_an_animation_has_its_pictures_at_real_speed_and_equal_bytes():
         assert (image.n_frames, image.size, image.info["duration"], image.info["loop"]) == (5, (96, 72), 200, 0)
         image.seek(0)
         start = image.convert("RGB").tobytes()
+        red, green, blue = np.moveaxis(np.asarray(image.convert("RGB")).astype(int), -1, 0)
+        assert np.sum(red - blue > 80) > 5 and np.sum(blue - red > 80) > 10  # the leader is red, followers are blue
         image.seek(4)
         assert image.convert("RGB").tobytes() != start
 

@@ -47,10 +47,18 @@ def animated_png(
             f"start_s = {start_s!r}, seconds = {seconds!r}; the scene has {len(scene.frames) * CONTROL_PERIOD:.1f} s"
         )
     images = [Image.fromarray(pixels) for pixels in pictures(scene, range(first, last, every), **view)]
-    palette = images[0].quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    palette = _palette(np.asarray(images[0]).reshape(-1, 3))
     small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     buffer = io.BytesIO()
     small[0].save(
         buffer, format="PNG", save_all=True, append_images=small[1:], duration=round(1000 * every * CONTROL_PERIOD), loop=0
     )
     return buffer.getvalue()
+
+
+def _palette(pixels: NDArray[np.uint8]) -> Image.Image:
+    """Return a picture whose palette serves pixels (N, 3): small and vivid things, the robots, get half of the colours."""
+    vivid = pixels[np.ptp(pixels.astype(int), axis=1) > 40]
+    copies = max(1, len(pixels) // max(1, len(vivid)))
+    sample = np.concatenate([pixels, np.tile(vivid, (copies, 1))])
+    return Image.fromarray(sample[None]).quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
