@@ -201,3 +201,14 @@ def from_dict(cls: type[T], values: Mapping[str, Any]) -> T:
     """
     _refuse_unknown(cls, values)
     return cls(**values)
+
+
+def positive(name: str, number: int) -> int:
+    """Return an argument that must be a whole number of at least 1.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if isinstance(number, bool) or not isinstance(number, numbers.Integral) or number < 1:
+        raise ValueError(f"{name} = {number!r}; expected a whole number, at least 1")
+    return int(number)

@@ -1,5 +1,6 @@
 """Environments for others' learners: the libraries' own checks, and what our own follower would have seen and earned."""
 
+import math
 import warnings
 from dataclasses import replace
 
@@ -239,6 +240,25 @@ def test_what_has_not_begun_or_is_over_says_so():
         wb.FollowEnv({})
     with pytest.raises(ValueError, match="expected one whole number"):
         FollowVectorEnv(2).reset(seed=[1, 2])
+
+
+def test_a_reward_that_fails_says_where_at_once_and_is_forgotten_at_a_reset():
+    def sudden(u, v):
+        return math.nan if u > 0.3 and 0.1 < (u * 50.0) % 1.0 < 0.9 else -u * u  # between the points of the grid
+
+    env = wb.FollowEnv(PLANAR, reward=sudden)
+    env.reset(seed=2)
+    with pytest.raises(ValueError, match="reward 'sudden' is not finite at u = 0.[3-9]"):
+        for _ in range(60):
+            env.step(0)
+    assert env.convoy.robots["trouble"].any()
+    env.reset()
+    assert not env.convoy.robots["trouble"].any()
+
+
+def test_a_restart_of_the_simulation_is_not_for_environments():
+    env = wb.FollowEnv(replace(PLANAR, reset="restart"))
+    assert env.config.reset == "manoeuvre"
 
 
 @pytest.mark.parametrize(

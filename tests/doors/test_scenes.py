@@ -275,6 +275,15 @@ def test_a_long_history_comes_in_pieces():
     assert [head["first"] for head, _ in said] == [0, CHUNK] and all(head["over"] for head, _ in said)
 
 
+def test_a_page_that_looks_on_does_not_take_the_wheel():
+    scene = LiveScene(STOPPING, law=CarrotPI(), drive=True)
+    ear = _Ear(Arena(scene))
+    ear.tell(type="history")
+    ear.tell(**_advance(20, 1, speed=1.0))
+    ear.tell(type="advance", periods=5, generation=1, have=21)
+    assert scene.commands[-1] == (466, 466)
+
+
 def test_the_joystick_drives_and_saving_takes_plain_names_only(tmp_path):
     scene = LiveScene(STOPPING, law=CarrotPI(), drive=True)
     arena = Arena(scene, folder=tmp_path)

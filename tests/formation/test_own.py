@@ -1,6 +1,7 @@
 """Functions of the user's own in the compiled loop: the same as built in, at the same place, and refused where they cannot be."""
 
 import math
+import types
 
 import numba
 import numpy as np
@@ -86,6 +87,34 @@ def test_a_number_that_was_changed_outside_is_used_at_the_next_call(monkeypatch)
     assert own_reward(scaled).worst == -2.0
     monkeypatch.setitem(globals(), "SCALE", 100.0)
     assert own_reward(scaled).worst == -100.0
+
+
+def test_helpers_and_modules_are_taken_in_too(monkeypatch):
+    module = types.ModuleType("mine")
+    module.weight = 1.0
+
+    @numba.njit
+    def helper(x):
+        return SCALE * x
+
+    def by_helper(u, v):
+        return -helper(abs(u))
+
+    assert own_reward(by_helper).worst == -2.0
+    monkeypatch.setitem(globals(), "SCALE", 5.0)
+    assert own_reward(by_helper).worst == -5.0
+    before = code_sha256(lambda u, v: module.weight * u)
+    module.weight = 2.0
+    assert code_sha256(lambda u, v: module.weight * u) != before
+
+    def made(factor):
+        return numba.njit(lambda x: factor * x)
+
+    def pair(f, g):
+        return lambda u, v: -f(abs(u)) - g(abs(v))
+
+    assert own_reward(pair(made(1.0), made(2.0))).worst == -3.0
+    assert own_reward(pair(made(1.0), made(3.0))).worst == -4.0
 
 
 def test_a_function_may_have_defaults_and_be_compiled_already():

@@ -67,7 +67,7 @@ function render({ model, el }) {
   const width = about.fields.length, robots = about.robots;
   const state = {
     frames: [], tallied: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
-    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
+    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, driving: false, scrubbed: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
   };
   ui.title.textContent = model.get("title");
   for (const part of [ui.name, ui.save, ui.stick]) part.style.display = state.drive ? "" : "none";
@@ -77,8 +77,11 @@ function render({ model, el }) {
   // --- talking to the kernel -------------------------------------------------------------------------------------------------
   function ask(periods) {
     state.asked = performance.now();
+    const message = { type: "advance", periods, generation: state.generation, have: state.frames.length };
     const [turn, speed] = state.joystick;
-    model.send({ type: "advance", periods, turn, speed, generation: state.generation, have: state.frames.length });
+    if (state.driving) Object.assign(message, { turn, speed }); // only the page on which somebody drives says how
+    state.driving = turn !== 0 || speed !== 0;
+    model.send(message);
   }
   function hear(message, buffers) {
     if (message.type === "frames") {
@@ -105,6 +108,7 @@ function render({ model, el }) {
     } else if (message.type === "said") {
       ui.said.textContent = message.text;
       state.asked = 0;
+      state.stepping = false;
       if (message.stop) pause();
     }
   }
@@ -114,7 +118,7 @@ function render({ model, el }) {
   // --- what a person does ----------------------------------------------------------------------------------------------------
   function pause() { state.playing = false; ui.play.textContent = "▶ play"; }
   function start() {
-    state.joining = false;
+    state.joining = state.stepping = false;
     if (state.over && state.cursor >= state.frames.length - 1) state.cursor = 0;
     state.playing = true;
     ui.play.textContent = "❚❚ pause";
@@ -122,12 +126,12 @@ function render({ model, el }) {
   ui.play.onclick = () => (state.playing ? pause() : start());
   ui.step.onclick = () => {
     pause();
-    if (state.asked) return;
+    if (state.asked && performance.now() - state.asked < 3000) return;
     const next = Math.floor(state.cursor) + 1;
     if (next < state.frames.length) state.cursor = next;
     else if (!state.over) { state.stepping = true; ask(1); }
   };
-  ui.scrub.oninput = () => { pause(); state.joining = false; state.cursor = Number(ui.scrub.value); };
+  ui.scrub.oninput = () => { pause(); state.joining = state.stepping = false; state.scrubbed = true; state.cursor = Number(ui.scrub.value); };
   ui.restart.onclick = () => { pause(); model.send({ type: "restart" }); };
   ui.save.onclick = () => { pause(); ui.said.textContent = "saving …"; model.send({ type: "save", name: ui.name.value }); };
 
@@ -140,7 +144,9 @@ function render({ model, el }) {
     state.joystick = [Math.max(-1, Math.min(1, turn)), Math.max(-1, Math.min(1, speed))];
   }
   function takeTheWheel() { // now, not where the slider stands
-    if (state.playing && state.cursor > state.frames.length - 5) return;
+    state.driving = true;
+    if (state.playing && !state.scrubbed) return;
+    state.scrubbed = false;
     state.cursor = Math.max(0, state.frames.length - 1);
     if (!state.playing) start();
   }
@@ -162,10 +168,10 @@ function render({ model, el }) {
   });
   ui.box.addEventListener("keyup", (event) => {
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    if (state.keys.delete(key)) held();
+    if (state.keys.delete(key)) { state.driving = true; held(); }
   });
-  ui.box.addEventListener("focusout", () => { if (state.keys.size) { state.keys.clear(); held(); } }); // no key sticks
-  function release() { ui.stick.onpointermove = null; state.joystick = [0, 0]; }
+  ui.box.addEventListener("focusout", () => { if (state.keys.size) { state.keys.clear(); state.driving = true; held(); } }); // no key sticks
+  function release() { ui.stick.onpointermove = null; state.driving = true; state.joystick = [0, 0]; }
   function drag(event) {
     if (!event.buttons) { release(); return; }
     const box = ui.stick.getBoundingClientRect();

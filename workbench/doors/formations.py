@@ -21,8 +21,7 @@ from workbench.formation.classical import Outside
 from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
-from workbench.formation.own import Reward, own_reward
-from workbench.formation.reset import FOLLOW
+from workbench.formation.own import Reward, trouble, with_reward
 from workbench.formation.reward import OWN
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import ADC, SENSORS
@@ -60,8 +59,9 @@ class Formations:
         if formations < 1 or not 0 < seconds < math.inf:
             raise ValueError(f"formations = {formations!r}, seconds = {seconds!r}; expected at least 1, and more than 0")
         self._convoy: Convoy | None = None
-        self.own = own_reward(reward) if reward is not None else None
-        self.config = replace(config, reward=OWN) if self.own is not None else config
+        config, self.own = with_reward(config, reward)
+        # who puts followers back is the environment: a formation must not restart by itself
+        self.config = replace(config, reset="manoeuvre")
         self.formations, self.observation, self.discrete = formations, observation, actions == "discrete"
         self.limit = max(1, round(seconds / CONTROL_PERIOD))
         self.left_steps, self.right_steps = config.levels()
@@ -112,9 +112,11 @@ class Formations:
                     self._line_up(b)
             for b in waiting.tolist():
                 convoy.begin_again(b, forget=attempt % 10 == 0)
+                convoy.robots["queue"][b] = convoy.robots["ran_left"][b] = convoy.robots["ran_right"][b] = 0
+                convoy.robots["trouble"][b] = 0
             self._only(waiting)
             self.sense()
-            waiting = waiting[np.any(convoy.robots["phase"][waiting, 1:] != FOLLOW, axis=1)]
+            waiting = waiting[np.any(convoy.robots["state"][waiting, 1:] < 0, axis=1)]
             if not len(waiting):
                 self._only(None)
                 return
@@ -156,7 +158,7 @@ class Formations:
             ValueError: not one action for every follower, or one that is none.
             RuntimeError: the physics became unstable.
         """
-        left, right = self._commands(actions)
+        left, right = self._commands(actions, running)
         self._only(running)
         self.convoy.command_all(left, right, self.t - 1)
         world, moved = self.convoy.world, slice(None) if running is None else running
@@ -170,13 +172,18 @@ class Formations:
             )
         found = self.sense()
         self._only(None)
+        if said := trouble(self.convoy.robots, None, self.own):
+            raise ValueError(said)
         return found
 
-    def _commands(self, actions: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _commands(self, actions: NDArray[Any], running: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         followers = (self.formations, self.config.followers)
         shape = followers if self.discrete else (*followers, 2)
         if actions.shape != shape:
             raise ValueError(f"actions have shape {actions.shape}; expected {shape}, one for each of (formations, followers)")
+        if running is not None:  # what the others were told is ignored, whatever it is
+            given, actions = actions, np.zeros_like(actions)
+            actions[running] = given[running]
         if self.discrete:
             if not np.issubdtype(actions.dtype, np.integer) or actions.min() < 0 or actions.max() >= self.config.actions:
                 raise ValueError(f"actions = {actions.tolist()!r}; expected whole numbers from 0 to {self.config.actions - 1}")

@@ -91,6 +91,13 @@ class StoredScene:
         self.config, self.frames, self.title, self.lock = config, frames, title, threading.RLock()
         self.about = describe(config, track_of(config).line)
 
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def since(self, first: int) -> Frames:
+        """Return the frames from one on."""
+        return self.frames[first:]
+
     @classmethod
     def of_run(cls, run: Run) -> "StoredScene":
         """Return the last whole block of a run."""
@@ -245,7 +252,12 @@ class LiveScene:
     @property
     def frames(self) -> Frames:
         """Everything shown so far."""
-        return np.stack(self._kept) if self._kept else np.zeros((0, self.config.followers + 1, len(FIELDS)), np.float32)
+        return self.since(0)
+
+    def since(self, first: int) -> Frames:
+        """Return the frames from one on."""
+        kept = self._kept[first:]
+        return np.stack(kept) if kept else np.zeros((0, self.config.followers + 1, len(FIELDS)), np.float32)
 
     @property
     def ended(self) -> bool:
@@ -268,7 +280,7 @@ class LiveScene:
                 break
             with whole():
                 self._period()
-        return np.stack(self._kept[before:]) if len(self) > before else self.frames[:0]
+        return self.since(before)
 
     def _period(self) -> None:
         steps = self.convoy.period(self.t)[0]

@@ -50,6 +50,9 @@ class Arena(anywidget.AnyWidget):
         with self.scene.lock:
             try:
                 kinds[message["type"]](message)
+            except KeyboardInterrupt:
+                self.send({"type": "said", "text": "interrupted", "stop": True})
+                raise
             except Exception as error:  # whatever it is, the page must hear of it: it waits for an answer
                 self.send({"type": "said", "text": f"{type(error).__name__}: {error}", "stop": True})
 
@@ -63,7 +66,8 @@ class Arena(anywidget.AnyWidget):
         if message["generation"] != scene.generation or have != len(scene):  # it was begun again, or another page has gone on
             self._tell(have if message["generation"] == scene.generation and have < len(scene) else 0)
             return
-        scene.steer(message["turn"], message["speed"])
+        if "turn" in message:  # from the page on which somebody drives, not from one that only looks on
+            scene.steer(message["turn"], message["speed"])
         scene.advance(min(MOST, int(message["periods"])))
         self._tell(have)
 
@@ -74,11 +78,12 @@ class Arena(anywidget.AnyWidget):
 
     def _tell(self, first: int) -> None:
         """Send all frames from one on, in pieces."""
-        frames, live = self.scene.frames, isinstance(self.scene, LiveScene)
-        head = {"type": "frames", "generation": self.scene.generation, "over": self.scene.ended}
-        for at in range(first, max(first + 1, len(frames)), CHUNK):
+        scene, live = self.scene, isinstance(self.scene, LiveScene)
+        frames = scene.since(first)
+        head = {"type": "frames", "generation": scene.generation, "over": scene.ended}
+        for at in range(0, max(1, len(frames)), CHUNK):
             part: Frames = np.ascontiguousarray(frames[at : at + CHUNK], np.float32)
-            self.send(head | {"first": at, "live": live}, [part.tobytes()])
+            self.send(head | {"first": first + at, "live": live}, [part.tobytes()])
 
     def _restart(self, message: dict[str, Any]) -> None:
         scene = self._live()

@@ -33,9 +33,8 @@ from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.control import DIVERGED, FORMATION, carry_out, carry_out_all, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
-from workbench.formation.own import OwnReward, trouble
+from workbench.formation.own import OwnReward, check_reward, trouble
 from workbench.formation.reset import FOLLOW
-from workbench.formation.reward import OWN
 from workbench.formation.stage import track_of
 from workbench.formation.task import fill_task
 from workbench.formation.weights import first_weights
@@ -98,11 +97,7 @@ class Convoy:
             if steps or policy is not None:
                 raise ValueError(f"steps = {steps!r} with law = {law!r}; a law has no weights and does not learn: give periods")
             law.check(config)
-        if (reward is not None) != (config.reward == OWN) and (steps or reward is not None):
-            given = reward.name if reward is not None else None
-            raise ValueError(
-                f"ConvoyConfig.reward = {config.reward!r} with the function {given!r}; give a function with {OWN!r} only"
-            )
+        check_reward(config, reward, learning=steps > 0)
         self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
         count, n = len(seeds), config.followers
         self._rngs = [children(seed, config.fleet) for seed in seeds]

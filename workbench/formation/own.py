@@ -27,8 +27,8 @@ with an error that says where. Compiled functions are kept for as long as the pr
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import CodeType
+from dataclasses import dataclass, replace
+from types import CellType, CodeType, FunctionType
 from typing import Any, ClassVar
 
 import numba
@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from workbench.formation import steering
 from workbench.formation.classical import ControlLaw
 from workbench.formation.config import ConvoyConfig
+from workbench.formation.reward import OWN
 
 Reward = Callable[[float, float], float]
 Law = Callable[[float, float], tuple[float, float]]
@@ -75,6 +76,24 @@ def own_reward(function: Reward) -> OwnReward:
     [call] = _compile(function, "reward")
     values = _look([call], _GRID, _GRID, "reward", _name(function), "u = {:g}, v = {:g}", "u, v in [-1, 1]")
     return OwnReward(_name(function), code_sha256(function), call.address, float(values.min()))
+
+
+def with_reward(config: ConvoyConfig, function: Reward | None) -> tuple[ConvoyConfig, OwnReward | None]:
+    """Return the configuration that says "own" and the compiled reward, or what was given if there is no function."""
+    return (config, None) if function is None else (replace(config, reward=OWN), own_reward(function))
+
+
+def check_reward(config: ConvoyConfig, reward: OwnReward | None, *, learning: bool) -> None:
+    """Refuse a function where the configuration says a preset, and learning without one where it says "own".
+
+    Raises:
+        ValueError: what was given, and what goes together.
+    """
+    if (reward is not None) != (config.reward == OWN) and (learning or reward is not None):
+        given = reward.name if reward is not None else None
+        raise ValueError(
+            f"ConvoyConfig.reward = {config.reward!r} with the function {given!r}; give one with {OWN!r}, only there"
+        )
 
 
 @dataclass(frozen=True)
@@ -157,7 +176,7 @@ def _compile(function: Callable[..., object], what: str) -> list[Any]:
     key = (code_sha256(plain), what)
     if key in _compiled:
         return _compiled[key]
-    inner: Any = numba.njit(plain)  # its types are known to numba only
+    inner: Any = _fresh(plain, {})  # its types are known to numba only
 
     def call(x: float, y: float) -> object:
         return inner(x, y)
@@ -229,42 +248,79 @@ def _look(
     return first
 
 
+def _fresh(function: Any, made: dict[int, Any]) -> Any:
+    """Return a function compiled anew, with all functions that it calls: numba goes on with the numbers of the first time."""
+    plain = getattr(function, "py_func", function)
+    if id(plain) in made:
+        return made[id(plain)]
+    made[id(plain)] = None  # a function that calls itself is left as it is
+    names = _names(plain.__code__)
+    helpers = {name: value for name, value in plain.__globals__.items() if name in names and _is_function(value)}
+    outside = {name: _fresh(value, made) or value for name, value in helpers.items()}
+    cells = tuple(
+        CellType(_fresh(cell.cell_contents, made) or cell.cell_contents) if _is_function(cell.cell_contents) else cell
+        for cell in plain.__closure__ or ()
+    )
+    copy = FunctionType(plain.__code__, plain.__globals__ | outside, plain.__name__, plain.__defaults__, cells or None)
+    copy.__kwdefaults__ = plain.__kwdefaults__
+    made[id(plain)] = numba.jit(**({"nopython": True} | getattr(function, "targetoptions", {})))(copy)
+    return made[id(plain)]
+
+
+def _is_function(value: Any) -> bool:
+    return inspect.isfunction(getattr(value, "py_func", value))
+
+
+def _names(code: CodeType) -> set[str]:
+    """Return all names that occur in code and in the functions within it."""
+    inner = [_names(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
+    return {*code.co_names, *code.co_freevars}.union(*inner)
+
+
 def code_sha256(function: Callable[..., object]) -> str:
-    """Return a hash of what a function does: code, constants, defaults, and what it takes from outside."""
-    digest = hashlib.sha256()
-    _take_in(getattr(function, "py_func", function), digest, set())
+    """Return a hash of what a function does: code, constants, defaults, and what it takes from outside, modules' values too."""
+    digest, seen = hashlib.sha256(), list[Any]()
+    _take_function(getattr(function, "py_func", function), digest, seen)
     return digest.hexdigest()
 
 
-def _take_in(function: Any, digest: Any, seen: set[CodeType]) -> None:
-    code = function.__code__
-    if code in seen:
-        return
-    seen.add(code)
-    names = _take_in_code(code, digest)
-    digest.update(repr((function.__defaults__, function.__kwdefaults__)).encode())
-    outside = dict(function.__globals__) | {
-        name: cell.cell_contents for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)
+def _take_function(function: Any, digest: Any, seen: list[Any]) -> None:
+    for number, known in enumerate(seen):
+        if known is function:
+            digest.update(f"again {number}".encode())
+            return
+    seen.append(function)
+    _take_code(function.__code__, digest)
+    names = _names(function.__code__)
+    for value in (function.__defaults__, *(function.__kwdefaults__ or {}).items()):
+        _take_value("default", value, names, digest, seen)
+    outside = function.__globals__ | {
+        name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     }
     for name in sorted(names & set(outside)):
-        value = outside[name]
-        value = getattr(value, "py_func", value)
-        if inspect.isfunction(value):
-            digest.update(name.encode())
-            _take_in(value, digest, seen)
-        elif isinstance(value, np.ndarray):
-            digest.update(f"{name}{value.dtype}{value.shape}".encode() + value.tobytes())
-        elif isinstance(value, (bool, int, float, complex, str, tuple, np.generic)):
-            digest.update(f"{name}={value!r}".encode())
+        _take_value(name, outside[name], names, digest, seen)
 
 
-def _take_in_code(code: CodeType, digest: Any) -> set[str]:
-    """Take in byte code and constants, nested functions' too; return all names that occur."""
-    names = {*code.co_names, *code.co_freevars}
-    digest.update(code.co_code + repr(code.co_names).encode())
+def _take_code(code: CodeType, digest: Any) -> None:
+    digest.update(code.co_code + repr((code.co_names, code.co_freevars)).encode())
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            names |= _take_in_code(constant, digest)
+            _take_code(constant, digest)
         else:
             digest.update(repr(constant).encode())
-    return names
+
+
+def _take_value(name: str, value: Any, names: set[str], digest: Any, seen: list[Any]) -> None:
+    digest.update(f"{name}:{type(value).__name__}".encode())
+    if _is_function(value):
+        _take_function(getattr(value, "py_func", value), digest, seen)
+    elif isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+    elif isinstance(value, tuple):
+        for item in value:
+            _take_value("item", item, names, digest, seen)
+    elif isinstance(value, (bool, int, float, complex, str, np.generic)) or value is None:
+        digest.update(repr(value).encode())
+    elif inspect.ismodule(value) and value.__name__.split(".")[0] not in ("numpy", "math", "numba"):
+        for attribute in sorted(names & set(vars(value))):
+            _take_value(attribute, vars(value)[attribute], names, digest, seen)

@@ -15,7 +15,7 @@ Contract: one seed gives the same run alone or in a batch of seeds, at any numbe
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -28,9 +28,8 @@ from workbench import fields
 from workbench.formation.classical import ControlLaw, Controller, check_controller
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.own import OwnLaw, OwnReward, Reward, own_reward
+from workbench.formation.own import OwnLaw, OwnReward, Reward, check_reward, with_reward
 from workbench.formation.policy import Policy
-from workbench.formation.reward import OWN
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study import storage
 from workbench.study.checkpoints import load_checkpoint, save_checkpoint
@@ -127,8 +126,8 @@ def learn(
     """
     folders = [Path(out)] if out is not None else None
     policies: list[Controller] | None = [policy] if policy is not None else None
-    config, own = _rewarded(config, reward)
-    batch = _Batch("learn", config, (config.seed,), _positive("steps", steps), policies, folders, reward=own)
+    config, own = with_reward(config, reward)
+    batch = _Batch("learn", config, (config.seed,), fields.positive("steps", steps), policies, folders, reward=own)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
 
 
@@ -146,8 +145,8 @@ def learn_seeds(
 ) -> list[Run]:
     """Learn with several seeds as one batch of formations; arguments as ``learn``, each run in ``out``/seed-N."""
     folders = [Path(out) / f"seed-{seed}" for seed in seeds] if out is not None else None
-    config, own = _rewarded(config, reward)
-    batch = _Batch("learn", config, tuple(seeds), _positive("steps", steps), None, folders, threads, own)
+    config, own = with_reward(config, reward)
+    batch = _Batch("learn", config, tuple(seeds), fields.positive("steps", steps), None, folders, threads, own)
     return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)
 
 
@@ -209,7 +208,7 @@ def _evaluation(
         raise ValueError("the policies differ in their numbers of tables, or are different laws; evaluate them apart")
     if not 0 < minutes <= 1e6:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
-    periods = _positive("periods", round(minutes * 60 / CONTROL_PERIOD))
+    periods = fields.positive("periods", round(minutes * 60 / CONTROL_PERIOD))
     return _Batch("evaluate", config, tuple(seeds), periods, list(policies), folders, threads)
 
 
@@ -242,10 +241,6 @@ def stored_request(path: str | Path) -> tuple[ConvoyConfig, int]:
     return fields.from_dict(ConvoyConfig, header["config"]), int(header["length"])
 
 
-def _rewarded(config: ConvoyConfig, reward: Reward | None) -> tuple[ConvoyConfig, OwnReward | None]:
-    return (config, None) if reward is None else (replace(config, reward=OWN), own_reward(reward))
-
-
 class _Batch:
     """One batch of formations on its way from a request to stored runs."""
 
@@ -260,6 +255,7 @@ class _Batch:
         threads: int = 0,
         reward: OwnReward | None = None,
     ) -> None:
+        check_reward(config, reward, learning=kind == "learn")
         self.reward = reward
         self.kind, self.length, self.folders, self.threads = kind, length, folders, threads
         self.config, self.seeds = config, seeds
@@ -398,9 +394,3 @@ def _read_header(folder: Path) -> dict[str, Any]:
     if not isinstance(header, dict) or header.get("schema") != SCHEMA or not set(REQUEST) <= set(header):
         raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}: it is damaged or of another version")
     return header
-
-
-def _positive(name: str, number: int) -> int:
-    if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 1:
-        raise ValueError(f"{name} = {number!r}; expected a whole number, at least 1")
-    return int(number)

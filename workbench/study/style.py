@@ -53,13 +53,13 @@ def legible(fig: Figure, width_in: float = 7.0) -> None:
     factor = max(1.0, fig.get_figwidth() / width_in) ** 0.7
     _leave_to_the_first(fig.axes)
     fig.set_figheight(factor * fig.get_figheight())
-    for ax in fig.findobj(Axes):
-        assert isinstance(ax, Axes)
+    every = [ax for ax in fig.findobj(Axes) if isinstance(ax, Axes)]  # insets too
+    for ax in every:
         for axis in (ax.xaxis, ax.yaxis):
             size = axis.get_tick_params().get("labelsize") or mpl.rcParams["xtick.labelsize"]
             for which in ("major", "minor"):
                 axis.set_tick_params(which=which, labelsize=factor * FontProperties(size=size).get_size_in_points())
-    ticks = {text for ax in fig.axes for text in (*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both"))}
+    ticks = {text for ax in every for text in (*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both"))}
     for text in fig.findobj(Text):
         assert isinstance(text, Text)
         if text not in ticks:
