@@ -1,8 +1,11 @@
 """Every notebook runs in quick mode from a clean kernel, and is stored with outputs and without noise."""
 
 import json
+import multiprocessing
 import os
 import re
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import nbformat
 import pytest
@@ -13,12 +16,19 @@ from workbench.study.notebooks import execute, normalise
 NOTEBOOKS = sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
 
 
+@pytest.fixture(scope="module")
+def running():
+    """Let two processes run the notebooks, one after the other; a test waits for its own."""
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        yield {path: pool.submit(partial(execute, store=False), path) for path in NOTEBOOKS}
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # Jupyter's own: zmq on a loopback port, event loop policies
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_runs_quickly_from_top_to_bottom(path):
+def test_notebook_runs_quickly_from_top_to_bottom(path, running):
     stored = path.read_bytes()
-    execute(path, store=False)
+    running[path].result()
     assert path.read_bytes() == stored
 
 
