@@ -176,7 +176,7 @@ def _compile(function: Callable[..., object], what: str) -> list[Any]:
     key = (code_sha256(plain), what)
     if key in _compiled:
         return _compiled[key]
-    inner: Any = _fresh(plain, {})  # its types are known to numba only
+    inner: Any = _fresh(function, {})  # its types are known to numba only
 
     def call(x: float, y: float) -> object:
         return inner(x, y)
@@ -196,36 +196,18 @@ def _compile(function: Callable[..., object], what: str) -> list[Any]:
     real = all(isinstance(kind, (types.Float, types.Integer, types.Boolean)) for kind in kinds)
     if not real or isinstance(result, types.BaseTuple) != (what == "law") or len(kinds) != (2 if what == "law" else 1):
         raise TypeError(f"{what} {_name(function)!r} returns {result}; expected {_RETURNS[what]}")
-    parts = (_first, _second) if what == "law" else (_only,)
-    _compiled[key] = [numba.cfunc(_POINT)(part(outer)) for part in parts]
+    picks = (lambda both: both[0], lambda both: both[1]) if what == "law" else (lambda value: value,)
+    _compiled[key] = [numba.cfunc(_POINT)(_guarded(outer, numba.njit(pick))) for pick in picks]
     return _compiled[key]
 
 
-def _only(inner: Any) -> Callable[[float, float], float]:
+def _guarded(inner: Any, pick: Any) -> Callable[[float, float], float]:
+    """Return the part of a compiled function's result that a compiled ``pick`` takes, NaN where it raises."""
+
     def value(x: float, y: float) -> float:
         try:
-            return float(inner(x, y))
-        except Exception:  # noqa: BLE001  # numba knows no other kind
-            return np.nan
-
-    return value
-
-
-def _first(inner: Any) -> Callable[[float, float], float]:
-    def value(x: float, y: float) -> float:
-        try:
-            return float(inner(x, y)[0])
-        except Exception:  # noqa: BLE001
-            return np.nan
-
-    return value
-
-
-def _second(inner: Any) -> Callable[[float, float], float]:
-    def value(x: float, y: float) -> float:
-        try:
-            return float(inner(x, y)[1])
-        except Exception:  # noqa: BLE001
+            return float(pick(inner(x, y)))
+        except Exception:  # numba knows no other kind
             return np.nan
 
     return value
