@@ -112,10 +112,33 @@ def test_no_opengl_library_is_loaded_by_learning_and_drawing():
 
 
 def test_the_public_surface_is_small_and_sorted_out():
-    names = [name for name in vars(wb) if not name.startswith("_") and name not in ("arena", "fields", "formation", "learning")]
-    names = [name for name in names if name not in ("compiled", "doors", "paths", "robot", "study")]
-    assert 15 < len(names) < 40
-    assert all(getattr(wb, name).__doc__ for name in names)
+    assert 15 < len(wb.__all__) < 45 and set(wb.__all__) <= set(dir(wb))
+    assert all(getattr(wb, name).__doc__ for name in wb.__all__)
+    with pytest.raises(AttributeError, match="module 'workbench' has no attribute 'lern'"):
+        _ = wb.lern
+
+
+@pytest.mark.parametrize(
+    ("code", "seconds", "absent"),
+    [
+        ("import workbench", 0.15, "numpy numba mujoco pandas scipy matplotlib gymnasium"),
+        ("import workbench.robot.api", 0.25, "numba mujoco pandas scipy matplotlib"),
+        ("import workbench.formation.convoy", 0.8, "pandas scipy.stats scipy.spatial matplotlib gymnasium IPython cv2"),
+        ("import workbench as wb; wb.learn", 0.8, "pandas scipy.stats matplotlib gymnasium IPython cv2"),
+    ],
+)
+def test_a_name_costs_what_it_needs(code, seconds, absent):
+    tell = f"{code}\nimport sys, time; print(time.process_time(), *[name for name in {absent.split()} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", tell], capture_output=True, text=True, check=True)
+    took, *loaded = done.stdout.split()
+    assert loaded == []
+    print(f"{code}: {took} s of {seconds} s")  # shown, not asserted: clocks differ
+
+
+def test_gymnasium_knows_the_environments_whatever_is_imported_first():
+    for imports in ("import gymnasium, workbench", "import workbench as wb, gymnasium; wb.ConvoyConfig"):
+        command = [sys.executable, "-c", f"{imports}; print(gymnasium.spec('workbench/Follow-v0').id)"]
+        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "workbench/Follow-v0\n"
 
 
 def _example(mark):

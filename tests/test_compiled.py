@@ -9,7 +9,7 @@ import numba
 
 from workbench import compiled as module
 from workbench import paths
-from workbench.compiled import FOLDER, compiled
+from workbench.compiled import compiled, uncompiled
 
 SCRIPT = """
 from workbench.formation.leader import follow_line
@@ -38,22 +38,36 @@ def test_an_edit_of_a_called_module_takes_effect_at_the_next_start(tmp_path):
     source.write_text(text.replace("return min(max(share, 0.0), 1.0)", "return min(max(share, 0.0), 0.1)"))
     edited = _run(tmp_path)
     assert first == again != edited
-    folders = list((tmp_path / "workbench" / "__pycache__").glob("numba-*"))
+    folders = list((tmp_path / "workbench" / "__pycache__" / "numba").glob("workbench.formation.leader-*"))
     assert len(folders) == 2 and all(any(folder.rglob("*.nbi")) for folder in folders)
+    plot = tmp_path / "workbench" / "study" / "plots.py"
+    plot.write_text(plot.read_text() + "\nEDITED = 1\n")
+    compiled_before = set((tmp_path / "workbench" / "__pycache__" / "numba").iterdir())
+    assert _run(tmp_path) == edited
+    assert set((tmp_path / "workbench" / "__pycache__" / "numba").iterdir()) == compiled_before
 
 
 def test_other_users_of_numba_are_left_alone():
     before = numba.config.CACHE_DIR
     compiled(lambda: None)
-    assert numba.config.CACHE_DIR == before and FOLDER.name.startswith("numba-")
+    assert numba.config.CACHE_DIR == before
 
 
-def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_passed_over_for_one_that_all_processes_of_a_user_share(tmp_path, monkeypatch):
     (tmp_path / "package").write_text("no folder")  # whatever would lie below cannot be made
-    monkeypatch.setattr(module, "_PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(module.sources, "PACKAGE", tmp_path / "package")
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    assert module._folder() == tmp_path / "home" / ".cache" / "workbench" / module.NAME
-    monkeypatch.setattr(module.os.path, "expanduser", lambda path: path)  # a user that the system does not know
-    folder = module._folder()
-    assert folder.is_dir() and folder.name.startswith(module.NAME) and "home" not in folder.parts
-    folder.rmdir()
+    assert module.parent.__wrapped__() == tmp_path / "home" / ".cache" / "workbench" / "numba"
+    monkeypatch.setenv("HOME", str(tmp_path / "package"))
+    monkeypatch.setattr(module.tempfile, "gettempdir", lambda: str(tmp_path))
+    shared = module.parent.__wrapped__()
+    assert shared == tmp_path / f"workbench-{module._user()}" / "numba" == module.parent.__wrapped__()
+    assert shared.stat().st_mode & 0o077 == 0  # code that only this user can have put there
+    monkeypatch.setattr(module.getpass, "getuser", lambda: (_ for _ in ()).throw(KeyError("no such user")))
+    assert str(module.os.getuid()) == module._user()
+
+
+def test_a_function_can_be_called_as_it_was_written_with_all_that_it_calls():
+    from workbench.robot.infrared import InfraredConfig, front_pair
+
+    assert uncompiled(front_pair)(0.1, 0.2, InfraredConfig()) == front_pair(0.1, 0.2, InfraredConfig())

@@ -1,40 +1,44 @@
-"""Formation control with Greedy-GQ(λ) on simulated e-puck robots. ``import workbench as wb``; see the README."""
+"""Formation control with Greedy-GQ(λ) on simulated e-puck robots. ``import workbench as wb``; see the README.
 
-from .arena.picture import picture as picture
-from .arena.tracks import TrackConfig as TrackConfig
-from .arena.tracks import make_track as make_track
-from .arena.world import World as World
-from .doors.environments import ConvoyEnv as ConvoyEnv
-from .doors.environments import FollowEnv as FollowEnv
-from .doors.show import play as play
-from .formation.classical import LAWS as LAWS
-from .formation.classical import quantised_carrot as quantised_carrot
-from .formation.config import SETTINGS as SETTINGS
-from .formation.config import ConvoyConfig as ConvoyConfig
-from .formation.convoy import Convoy as Convoy
-from .formation.own import OwnLaw as OwnLaw
-from .formation.policy import Policy as Policy
-from .formation.stage import still_world as still_world
-from .learning.config import LearnerConfig as LearnerConfig
-from .learning.gq import GQ as GQ
-from .learning.gq import GreedyGQ as GreedyGQ
-from .learning.tiles import TileGrid as TileGrid
-from .learning.tiles import Tiling as Tiling
-from .robot.description import load_robot as load_robot
-from .robots import open_robot as open_robot
-from .study.figures import save_figure as save_figure
-from .study.judder import judder as judder
-from .study.motion import Motion as Motion
-from .study.motion import chatter as chatter
-from .study.motion import follow as follow
-from .study.runs import Run as Run
-from .study.runs import evaluate as evaluate
-from .study.runs import evaluate_seeds as evaluate_seeds
-from .study.runs import learn as learn
-from .study.runs import learn_seeds as learn_seeds
-from .study.runs import load_run as load_run
-from .study.smoothness import ldlj as ldlj
-from .study.smoothness import ldlj_vector as ldlj_vector
-from .study.smoothness import sparc as sparc
-from .study.sweeps import Failed as Failed
-from .study.sweeps import sweep as sweep
+Names are loaded when they are first used (PEP 562), so that a program pays for what it needs; the list is ``__init__.pyi``.
+"""
+
+import importlib
+import re
+import sys
+from pathlib import Path
+
+_LISTED = re.findall(r"^from (\.\S+) import \w+ as (\w+)$", Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"), re.M)
+_WHERE = {name: module for module, name in _LISTED}
+__all__ = list(_WHERE)
+
+
+def _introduce() -> None:
+    """Tell gymnasium of the environments, where a program uses it; to import it here would cost everybody its time."""
+    if "gymnasium" in sys.modules:
+        from .doors.registration import register
+
+        register()
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name, or a room, and keep it."""
+    _introduce()
+    if name in _WHERE:
+        found = getattr(importlib.import_module(_WHERE[name], __name__), name)
+    else:
+        try:
+            return importlib.import_module(f".{name}", __name__)
+        except ModuleNotFoundError as error:
+            if error.name != f"{__name__}.{name}":
+                raise
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+    globals()[name] = found
+    return found
+
+
+_introduce()
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -220,12 +220,12 @@ def _study(flags: argparse.Namespace) -> dict[str, Any]:
 
 def _same_sources(client: Any) -> None:
     """Refuse a cluster without workers, or with workers that run other sources than this process."""
-    from workbench.study.experiment import fingerprint
+    from workbench import sources
 
-    theirs = client.run(fingerprint, [])
+    theirs = client.run(sources.digest, "workbench.study.studies")
     if not theirs:
         raise RuntimeError("the scheduler has no workers; start some with: dask worker ADDRESS")
-    others = sorted(worker for worker, digest in theirs.items() if digest != fingerprint([]))
+    others = sorted(worker for worker, digest in theirs.items() if digest != sources.digest("workbench.study.studies"))
     if others:
         raise RuntimeError(f"workers with other sources or versions of the workbench: {', '.join(others)}; update them")
 

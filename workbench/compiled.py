@@ -2,7 +2,8 @@
 
 numba keeps compiled code beside a function's own file and looks at that file only. But the code of the control loop contains the
 reward, the learner and everything else that it calls: after an edit of ``reward.py`` the old reward would go on to be used. Here
-the cache's folder is named after all sources of the package together, so that any edit compiles anew (about 20 s, once).
+the cache's folder is named after the module and all that it imports (``workbench.sources``): an edit of any of these compiles
+anew, an edit of a plot or a study does not.
 
 >>> from workbench.robot.motors import motor_speed
 >>> motor_speed(550) == motor_speed.py_func(550)  # the function as it was written is still there
@@ -14,12 +15,14 @@ Contract: functions are compiled at their first call for the types that they get
 from __future__ import annotations
 
 import contextlib
-import hashlib
+import functools
+import getpass
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any, TypeVar
 
 import numba
@@ -28,53 +31,96 @@ from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
+from workbench import sources
+
 F = TypeVar("F", bound=Callable[..., object])
-_PACKAGE = Path(__file__).parent
-_KEPT = 5  # folders of earlier sources
+_KEPT = 3  # folders of earlier sources, of every module
 
 
-def _name() -> str:
-    digest = hashlib.sha256()
-    for file in sorted(_PACKAGE.rglob("*.py")):
-        digest.update(file.relative_to(_PACKAGE).as_posix().encode() + file.read_bytes())
-    return f"numba-{digest.hexdigest()[:16]}"
+def _parents() -> list[Path]:
+    """Return where a cache may lie, best first: the package, the user's cache, a temporary folder of the user's."""
+    home = Path(os.path.expanduser("~")) / ".cache" / "workbench"
+    found = [sources.PACKAGE / "__pycache__" / "numba"]
+    if home.is_absolute():  # a user without a home stays "~"
+        found.append(home / "numba")
+    return [*found, Path(tempfile.gettempdir()) / f"workbench-{_user()}" / "numba"]
 
 
-def _folder() -> Path:
-    """Return the cache's folder: in the package, else in the user's own cache, else a new one that only this process uses."""
-    for parent in (_PACKAGE / "__pycache__", Path(os.path.expanduser("~")) / ".cache" / "workbench"):
-        if parent.is_absolute():  # a user without a home stays "~"
-            with contextlib.suppress(OSError):
-                (parent / NAME).mkdir(parents=True, exist_ok=True)
-                if os.access(parent / NAME, os.W_OK):
-                    return parent / NAME
-    return Path(tempfile.mkdtemp(prefix=NAME))
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a user that the system does not know, in a container
+        return str(os.getuid()) if hasattr(os, "getuid") else "user"
 
 
-def _remove_old(parent: Path) -> None:
-    """Remove folders of earlier sources, which other processes may be removing as well."""
+@functools.cache
+def parent() -> Path:
+    """Return the folder in which this process keeps compiled code."""
+    settings: Any = numba.config  # its names are made at run time
+    chosen = settings.CACHE_DIR
+    for place in [Path(chosen)] if chosen else _parents():  # a folder of the user's own choice is respected
+        with contextlib.suppress(OSError):
+            place.mkdir(parents=True, exist_ok=True, mode=0o700)
+            if os.access(place, os.W_OK) and _own(place):
+                return place
+    return Path(tempfile.mkdtemp(prefix="workbench-numba-"))
+
+
+def _own(place: Path) -> bool:
+    """Whether nobody else can have put code into a temporary folder."""
+    return not hasattr(os, "getuid") or sources.PACKAGE in place.parents or place.stat().st_uid == os.getuid()
+
+
+@functools.cache
+def folder(module: str) -> Path:
+    """Return the cache's folder of a module's compiled functions; those of its earlier sources are removed but for a few."""
+    place = parent() / f"{module}-{sources.digest(module)}"
+    if not place.is_dir():
+        with contextlib.suppress(OSError):
+            place.mkdir(parents=True, exist_ok=True)
+        _remove_old(module)
+    return place
+
+
+def _remove_old(module: str) -> None:
+    """Remove folders of a module's earlier sources, which other processes may be removing as well."""
     ages = []
-    for path in parent.glob("numba-*"):
+    for path in parent().glob(f"{module}-*"):
         with contextlib.suppress(OSError):
             ages.append((path.stat().st_mtime, path))
     for _, path in sorted(ages, reverse=True)[_KEPT:]:
         shutil.rmtree(path, ignore_errors=True)
 
 
-NAME = _name()
-FOLDER = _folder()
-_remove_old(FOLDER.parent)
-
-
 def compiled(function: F) -> Dispatcher[F]:
     """Return the function compiled by numba without Python objects, cached on disk."""
-    settings: Any = numba.config  # its names are made at run time
+    settings: Any = numba.config
+    if sources.file_of(function.__module__) is None:  # nobody knows what a script's function depends on
+        return njit(nogil=True)(function)
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(Path(before) / NAME if before else FOLDER)  # a folder of the user's own choice is respected
+    settings.CACHE_DIR = str(folder(function.__module__))
     try:
         return njit(cache=True, nogil=True)(function)
     finally:
         settings.CACHE_DIR = before
+
+
+def uncompiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function as it was written, with all that it calls: for a few calls where loading compiled code costs more."""
+    plain = getattr(function, "py_func", function)
+    known = plain.__globals__
+    called = {
+        name: uncompiled(known[name])
+        for name in _names(plain.__code__)
+        if isinstance(known.get(name), (Dispatcher, FunctionType)) and known[name].__module__.startswith("workbench.")
+    }
+    return FunctionType(plain.__code__, known | called, plain.__name__, plain.__defaults__)
+
+
+def _names(code: CodeType) -> set[str]:
+    """Return all names that code uses, comprehensions within it included."""
+    inner = [_names(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
+    return set(code.co_names).union(*inner)
 
 
 def _call_at(typing_context: Any, address: Any, x: Any, y: Any) -> Any:

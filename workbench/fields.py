@@ -192,6 +192,18 @@ def to_dict(config: Any) -> dict[str, Any]:
     return plain
 
 
+def flat(config: Any) -> dict[str, Any]:
+    """Return a configuration as one mapping of plain values, names of nested fields with dots: "learner.alpha"."""
+    found: dict[str, Any] = {}
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if dataclasses.is_dataclass(value):
+            found |= {f"{field.name}.{name}": entry for name, entry in flat(value).items()}
+        else:
+            found[field.name] = value
+    return found
+
+
 def from_dict(cls: type[T], values: Mapping[str, Any]) -> T:
     """Read a configuration of class ``cls`` from plain values, checking names, types and ranges.
 

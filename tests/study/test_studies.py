@@ -14,13 +14,14 @@ import pytest
 
 from workbench import paths
 from workbench.arena.tracks import TrackConfig, make_track
+from workbench.formation.body import BodyConfig
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import BLOCK
 from workbench.formation.follower import RECOVERED, STEP
 from workbench.study import trials as module
 from workbench.study.records import SUMS
 from workbench.study.runs import evaluate, learn
-from workbench.study.studies import STUDIES, factor_for, load_study, run_study, trials_digest, update_time_s
+from workbench.study.studies import STUDIES, factor_for, is_current, load_study, run_study, trials_digest, update_time_s
 from workbench.study.trials import UNSEEN, Trial, first_lossfree, measure, measure_sections, measure_widely
 
 PLANAR = ConvoyConfig(drive="planar")
@@ -44,7 +45,7 @@ def test_published_tables_have_all_trials_of_the_study_as_it_is_defined_now(name
     pd.testing.assert_frame_equal(table[list(labels[0])], pd.DataFrame(labels), check_dtype=False)
     header = json.loads((paths.DATA / "studies" / f"{name}.json").read_text())
     assert (header["simulated"], header["quick"], header["seeds"]) == (True, False, seeds)
-    assert header["trials_sha256"] == trials_digest(trials)
+    assert is_current(header, trials)
     assert header["table_sha256"] == hashlib.sha256((paths.DATA / "studies" / f"{name}.csv").read_bytes()).hexdigest()
 
 
@@ -177,3 +178,16 @@ def test_the_recommended_setting_resolves_what_its_description_says():
     distance = np.unique(np.concatenate([grid.tilings[0].edges for grid in config.grids()]).round(9))
     bearing = np.unique(np.concatenate([grid.tilings[1].edges for grid in config.grids()]).round(9))
     assert np.diff(distance) == pytest.approx(0.007, abs=1e-6) and np.degrees(np.diff(bearing)) == pytest.approx(4.5, abs=1e-4)
+
+
+def test_a_new_field_at_its_default_leaves_tables_valid_and_any_other_value_does_not():
+    study = STUDIES["inner"]
+    header = json.loads((paths.DATA / "studies" / "inner.json").read_text())
+    _, trials = study.trials(range(1, study.seeds + 1))
+    older = header | {"fields": [name for name in header["fields"] if name != "config.body.slip"]}
+    older["trials_sha256"] = trials_digest(trials, older["fields"])  # as if slip had not been there when the table was made
+    assert older["trials_sha256"] != header["trials_sha256"] and is_current(older, trials)
+    slipping = [replace(trial, config=replace(trial.config, body=BodyConfig(slip=0.1))) for trial in trials]
+    with pytest.raises(ValueError, match="config.body.slip = 0.1, a field that the table did not know; expected its default 0.0"):
+        is_current(older, slipping)
+    assert not is_current(header, slipping)

@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from workbench.fields import choice, configuration, real, reals
 
@@ -104,6 +103,8 @@ class Track:
             position: (…, 2) m.
             heading: (…) rad.
         """
+        from scipy.spatial import cKDTree  # costs as much time to import as all else
+
         angle = np.asarray(heading, dtype=np.float64)
         ahead = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         tree = cKDTree(np.hstack([self.nominal, _HEADING_M * _tangent(self.nominal)]))

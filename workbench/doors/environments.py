@@ -42,6 +42,7 @@ from pettingzoo import ParallelEnv
 
 from workbench.arena.picture import picture
 from workbench.doors.formations import Flags, Floats, Formations
+from workbench.doors.registration import register
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.own import Reward
@@ -260,11 +261,17 @@ def _copy(space: spaces.Space[Any]) -> spaces.Space[Any]:
     return spaces.Box(space.low, space.high, space.shape, np.float32)
 
 
-for _id, _drive in (("workbench/Follow-v0", "planar"), ("workbench/FollowWheels-v0", "wheels")):
-    if _id not in gymnasium.registry:
-        gymnasium.register(
-            _id,
-            entry_point=f"{__name__}:FollowEnv",
-            vector_entry_point=f"{__name__}:FollowVectorEnv",
-            kwargs={"config": ConvoyConfig(drive=_drive)},
-        )
+_WHEELS = ConvoyConfig(drive="wheels")
+
+
+def follow_on_wheels(config: ConvoyConfig = _WHEELS, **options: Any) -> FollowEnv:
+    """Return a FollowEnv, on wheels by default."""
+    return FollowEnv(config, **options)
+
+
+def follow_on_wheels_vector(num_envs: int = 16, config: ConvoyConfig = _WHEELS, **options: Any) -> FollowVectorEnv:
+    """Return a FollowVectorEnv, on wheels by default."""
+    return FollowVectorEnv(num_envs, config, **options)
+
+
+register()

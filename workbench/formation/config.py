@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from workbench.arena.camera_config import CameraConfig
 from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
+from workbench.compiled import uncompiled
 from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
 from workbench.formation.body import BodyConfig
 from workbench.formation.readings import reading_tilings
@@ -177,7 +178,7 @@ class ConvoyConfig:
                 f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, noise_bearing_rad = {self.noise_bearing_rad!r} with "
                 f"sensing = {self.sensing!r}; readings have noise of their own: use infrared.noise"
             )
-        far, _ = front_pair(self.distance_m[1], 0.0, self.infrared)
+        far, _ = uncompiled(front_pair)(self.distance_m[1], 0.0, self.infrared)
         if far < self.threshold_counts:
             raise ValueError(
                 f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = {self.sensing!r}; at {self.distance_m[1]:g} m a "

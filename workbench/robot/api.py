@@ -34,8 +34,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, NotConnected, NotSupported, RobotError
-from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.motors import MAX_STEPS
+from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS
 from workbench.robot.watchdog import Watchdog
 from workbench.robot.words import Words
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from workbench import fields, paths
 from workbench.fields import configuration, integer, real, reals
 from workbench.robot import geometry as g
-from workbench.robot.motors import MAX_STEPS, TICKS
+from workbench.robot.geometry import MAX_STEPS, TICKS
 
 
 @configuration

@@ -14,9 +14,8 @@ from collections.abc import Sequence
 
 from workbench.robot.api import WATCHDOG_S, Robot
 from workbench.robot.faults import BadReply, LinkTimeout, RobotError
-from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS_EPUCK2
 from workbench.robot.links import TcpLink
-from workbench.robot.motors import MAX_STEPS_EPUCK2
 from workbench.robot.sercom import check_counts
 
 COMMAND, SENSORS_PACKET, EMPTY_PACKET, IMAGE_PACKET = 0x80, 0x02, 0x03, 0x01

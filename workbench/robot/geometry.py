@@ -16,6 +16,9 @@ WHEEL_RADIUS = 0.0205  # m: diameter about 41 mm [1, 3]; Webots 40 mm, V-REP 42.
 WHEEL_MASS = 0.010  # kg each [2, 3]
 TRACK = 0.053  # m between the wheels [1, 3]; other sources 51 to 56.9 mm
 STEPS_PER_TURN = 1000  # motor steps per wheel turn: 20 steps x 50:1 gear [1]
+MAX_STEPS = 1000  # steps/s, the firmware's clamp [4]
+MAX_STEPS_EPUCK2 = 1100  # steps/s, the e-puck2's
+TICKS = 10_000  # ticks per second of the timer that makes steps [4]
 STEP = 2 * math.pi * WHEEL_RADIUS / STEPS_PER_TURN  # m of rim travel per motor step: 0.1288 mm
 
 SLIDER_RADIUS = 0.005  # m, passive support spheres in front and behind [3]

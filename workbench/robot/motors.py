@@ -13,12 +13,7 @@ grid is coarse: 625, 667, 714, 769, 833, 909, 1000.
 import math
 
 from workbench.compiled import compiled
-from workbench.robot.geometry import STEP, STEPS_PER_TURN, TRACK
-
-MAX_STEPS = 1000  # steps/s, the firmware's clamp
-MAX_STEPS_EPUCK2 = 1100  # steps/s
-TICKS = 10_000  # timer ticks per second
-RADIANS_PER_STEP = 2 * math.pi / STEPS_PER_TURN
+from workbench.robot.geometry import MAX_STEPS, MAX_STEPS_EPUCK2, STEP, TICKS, TRACK
 
 
 @compiled

@@ -14,13 +14,12 @@ import hashlib
 import json
 import shutil
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
-from workbench import fields, paths
+from workbench import fields, paths, sources
 from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
+from workbench.study.locks import in_use
 from workbench.study.runs import Run, evaluate, learn, load_run
 from workbench.study.sweeps import Failed, sweep
 
@@ -30,18 +29,7 @@ SHIFT_TRACKS = {
     "eight": TrackConfig(shape="eight"),
 }
 SHIFT_REWARDS = ("quadratic", "absolute", "distance")
-_SOURCES = (
-    "learning",
-    "robot",
-    "arena",
-    "formation",
-    "study/runs.py",
-    "study/checkpoints.py",
-    "study/records.py",
-    "study/statistics.py",
-    "study/storage.py",
-    "fields.py",
-)
+PATIENCE_S = 3600.0  # for another process that does the same job
 
 
 @dataclass(frozen=True)
@@ -102,34 +90,22 @@ def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list
 
 
 def paper_run(request: tuple[Job, Path]) -> None:
-    """Do one job in a worker process; what it makes is kept in its folder."""
+    """Do one job in a worker process; what it makes is kept in its folder. Two processes may ask for the same job."""
     job, folder = request
+    out = folder / job.name
     if job.steps:
-        learn(job.config, steps=job.steps, out=folder / job.name, resume=True, progress=False)
+        learn(job.config, steps=job.steps, out=out, resume=True, wait_s=PATIENCE_S, progress=False)
     else:
         policy = load_run(folder / job.follows).policy
-        evaluate(policy, job.config, minutes=job.minutes, out=folder / job.name, resume=True, progress=False)
+        evaluate(policy, job.config, minutes=job.minutes, out=out, resume=True, wait_s=PATIENCE_S, progress=False)
 
 
 def fingerprint(jobs: list[Job]) -> str:
     """Return a short hash of everything that the runs depend on: requests, sources and versions."""
-    digest = sources_digest()
+    digest = hashlib.sha256(sources.digest_of(paper_run).encode())
     for job in jobs:
         digest.update(json.dumps([job.name, fields.to_dict(job.config), job.steps, job.minutes, job.follows]).encode())
-    return str(digest.hexdigest()[:12])
-
-
-def sources_digest(*others: str) -> Any:
-    """Return a hash object that has taken in everything but the request: the sources that runs depend on, and versions."""
-    digest = hashlib.sha256()
-    package = paths.ROOT / "workbench"
-    for source in (*_SOURCES, *others):
-        files = sorted((package / source).glob("*.py")) if (package / source).is_dir() else [package / source]
-        for file in files:
-            digest.update(file.read_bytes())
-    for name in ("mujoco", "numba", "numpy", "scipy"):
-        digest.update(f"{name}=={version(name)}".encode())
-    return digest
+    return digest.hexdigest()[:12]
 
 
 def _cache(jobs: list[Job], quick: bool) -> Path:
@@ -137,7 +113,7 @@ def _cache(jobs: list[Job], quick: bool) -> Path:
     prefix = "quick-" if quick else "paper-"
     folder = paths.RUNS / ".cache" / f"{prefix}{fingerprint(jobs)}"  # its own place: nobody else's runs are there
     for old in folder.parent.glob(f"{prefix}*"):
-        if old != folder:
-            shutil.rmtree(old)
+        if old != folder and not any(in_use(place) for place in old.glob("*/*")):
+            shutil.rmtree(old, ignore_errors=True)  # another process may be removing it as well
     folder.mkdir(parents=True, exist_ok=True)
     return folder

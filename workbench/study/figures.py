@@ -13,7 +13,6 @@ import io
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from IPython.display import Image
 from matplotlib.figure import Figure
 
 from workbench import fields, paths
+from workbench.sources import version
 from workbench.study.runs import Run
 from workbench.study.storage import read_json, write_json
 from workbench.study.style import legible, style

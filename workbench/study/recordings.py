@@ -35,8 +35,7 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.drive import SoloFollower
 from workbench.formation.reset import PHASES
 from workbench.robot.api import Robot
-from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.motors import MAX_STEPS_EPUCK2
+from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS_EPUCK2
 from workbench.study.storage import read_json, write_json
 
 SCHEMA = 1

@@ -12,12 +12,13 @@ from its last checkpoint and ends with the same bytes as one that never stopped.
 Contract: one seed gives the same run alone or in a batch of seeds, at any number of threads.
 """
 
+import contextlib
 import json
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +32,16 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.own import OwnLaw, OwnReward, Reward, check_reward, with_reward
 from workbench.formation.policy import Policy
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.sources import version
 from workbench.study import storage
 from workbench.study.checkpoints import load_checkpoint, save_checkpoint
+from workbench.study.locks import locked
 from workbench.study.progress import Progress, report
 from workbench.study.records import RECORDS, Recorder, Records, summarise
 from workbench.study.weights import Weights, describe, load_weights, write_weights
 
 SCHEMA = 5
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
-KNOWN = (*FILES, *(f"{name}.tmp" for name in FILES))
 REQUEST = ("kind", "length", "policy_sha256", "reward_sha256", "config")  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
 
@@ -84,16 +86,18 @@ class Run:
 
         Raises:
             FileExistsError: the folder has something in it and overwrite is False.
+            FolderInUse: another process writes there.
         """
-        folder = Path(path)
+        folder = Path(path).expanduser()
         if not overwrite:
             storage.refuse_existing(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
-            (folder / name).unlink(missing_ok=True)
-        started = self.policy if self.kind == "evaluate" else None
-        storage.write_json(folder / "config.json", _header(self.kind, self.config, self.length, started, self.reward_sha256))
-        _store(self, folder)
+        with locked(folder):
+            for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
+                (folder / name).unlink(missing_ok=True)
+            started = self.policy if self.kind == "evaluate" else None
+            header = _header(self.kind, self.config, self.length, started, self.reward_sha256)
+            storage.write_json(folder / "config.json", header)
+            _store(self, folder)
 
 
 def learn(
@@ -104,6 +108,7 @@ def learn(
     reward: Reward | None = None,
     out: str | Path | None = None,
     resume: bool = False,
+    wait_s: float = 0.0,
     progress: Progress = True,
     checkpoint_s: float = CHECKPOINT_S,
 ) -> Run:
@@ -116,19 +121,22 @@ def learn(
         reward: a reward of your own, r(u, v), see ``workbench.formation.own``; the run's config then says reward = "own".
         out: folder of the run; checkpoints are kept there.
         resume: continue an interrupted run in ``out``, or load it if it is complete.
+        wait_s: seconds to wait where another process writes to ``out``.
         progress: True for a bar, or a function called with the updates just done.
         checkpoint_s: wall-clock seconds between checkpoints, 0 for one per block.
 
     Raises:
         FileExistsError: ``out`` has something in it and resume is False.
+        FolderInUse: another process, who is named, writes to ``out``.
         FloatingPointError: learning diverged.
         OSError: a checkpoint could not be written; the last good one is kept.
     """
-    folders = [Path(out)] if out is not None else None
+    folder = _place(out)
     policies: list[Controller] | None = [policy] if policy is not None else None
     config, own = with_reward(config, reward)
-    batch = _Batch("learn", config, (config.seed,), fields.positive("steps", steps), policies, folders, reward=own)
-    return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)[0]
+    length = fields.positive("steps", steps)
+    batch = _Batch("learn", config, (config.seed,), length, policies, [folder] if folder else None, reward=own)
+    return batch.run(folder, resume, wait_s, progress, checkpoint_s)[0]
 
 
 def learn_seeds(
@@ -139,15 +147,17 @@ def learn_seeds(
     reward: Reward | None = None,
     out: str | Path | None = None,
     resume: bool = False,
+    wait_s: float = 0.0,
     progress: Progress = True,
     checkpoint_s: float = CHECKPOINT_S,
     threads: int = 0,
 ) -> list[Run]:
     """Learn with several seeds as one batch of formations; arguments as ``learn``, each run in ``out``/seed-N."""
-    folders = [Path(out) / f"seed-{seed}" for seed in seeds] if out is not None else None
+    folder = _place(out)
+    folders = [folder / f"seed-{seed}" for seed in seeds] if folder else None
     config, own = with_reward(config, reward)
     batch = _Batch("learn", config, tuple(seeds), fields.positive("steps", steps), None, folders, threads, own)
-    return batch.run(Path(out) if out is not None else None, resume, progress, checkpoint_s)
+    return batch.run(folder, resume, wait_s, progress, checkpoint_s)
 
 
 def evaluate(
@@ -157,6 +167,7 @@ def evaluate(
     minutes: float = 30.0,
     out: str | Path | None = None,
     resume: bool = False,
+    wait_s: float = 0.0,
     progress: Progress = True,
 ) -> Run:
     """Let all followers exploit a policy greedily, without learning, or be driven by a classical law, for a simulated time.
@@ -165,9 +176,9 @@ def evaluate(
         ValueError: the policy's tiles or actions are not the configuration's, or its sensing does not give what the law needs.
         FileExistsError: ``out`` has something in it and resume is False.
     """
-    folder = Path(out) if out is not None else None
+    folder = _place(out)
     batch = _evaluation([policy], config, [config.seed], minutes, [folder] if folder else None)
-    return batch.run(folder, resume, progress, CHECKPOINT_S)[0]
+    return batch.run(folder, resume, wait_s, progress, CHECKPOINT_S)[0]
 
 
 def evaluate_seeds(
@@ -178,6 +189,7 @@ def evaluate_seeds(
     minutes: float = 30.0,
     out: str | Path | None = None,
     resume: bool = False,
+    wait_s: float = 0.0,
     progress: Progress = True,
     threads: int = 0,
 ) -> list[Run]:
@@ -186,10 +198,15 @@ def evaluate_seeds(
     Raises:
         ValueError: a policy does not fit the configuration, or the numbers of policies and seeds differ.
     """
-    folder = Path(out) if out is not None else None
+    folder = _place(out)
     folders = [folder / f"seed-{seed}" for seed in seeds] if folder else None
     batch = _evaluation(policies, config, seeds, minutes, folders, threads)
-    return batch.run(folder, resume, progress, CHECKPOINT_S)
+    return batch.run(folder, resume, wait_s, progress, CHECKPOINT_S)
+
+
+def _place(out: str | Path | None) -> Path | None:
+    """Return the folder of a run; "~" is the user's home."""
+    return None if out is None else Path(out).expanduser()
 
 
 def _evaluation(
@@ -219,7 +236,7 @@ def load_run(path: str | Path) -> Run:
         FileNotFoundError: no run there, or an interrupted one.
         ValueError: a file is damaged or of another schema.
     """
-    folder = Path(path)
+    folder = Path(path).expanduser()
     if not (folder / "config.json").is_file():
         raise FileNotFoundError(f"{folder} holds no run: config.json is missing")
     if not (folder / "summary.json").is_file():
@@ -230,14 +247,28 @@ def load_run(path: str | Path) -> Run:
     if lacking:
         raise ValueError(f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again")
     config = fields.from_dict(ConvoyConfig, header["config"])
-    return Run(
-        header["kind"], config, header["length"], weights.updates, weights.policy, weights.w, records, header.get("reward_sha256")
-    )
+    known = {
+        "weights.npz": weights.about["provenance"].get("config_sha256"),
+        "records.npz": _word(records.pop("config_sha256", None)),
+        "summary.json": storage.read_json(folder / "summary.json").get("config_sha256"),
+    }
+    for name, found in known.items():
+        if found is not None and found != storage.sha256_of(header["config"]):  # runs of before know no hash
+            raise ValueError(
+                f"{folder}: {name} was made under another configuration than config.json says (it was edited, or files of two "
+                "runs are mixed); restore config.json, or run again"
+            )
+    own = header.get("reward_sha256")
+    return Run(header["kind"], config, header["length"], weights.updates, weights.policy, weights.w, records, own)
+
+
+def _word(array: NDArray[Any] | None) -> str | None:
+    return None if array is None else str(array)
 
 
 def stored_request(path: str | Path) -> tuple[ConvoyConfig, int]:
     """Return configuration and length of a run folder, complete or not."""
-    header = _read_header(Path(path))
+    header = _read_header(Path(path).expanduser())
     return fields.from_dict(ConvoyConfig, header["config"]), int(header["length"])
 
 
@@ -274,12 +305,24 @@ class _Batch:
         own = self.reward.sha256 if self.reward is not None else None
         return [_header(self.kind, config, self.length, policy, own) for config, policy in zip(self.configs, given, strict=True)]
 
-    def run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
-        if self.folders is not None and folder is not None:
+    def run(self, folder: Path | None, resume: bool, wait_s: float, progress: Progress, checkpoint_s: float) -> list[Run]:
+        if folder is None or self.folders is None:
+            return self._run(None, False, progress, checkpoint_s)
+        if not resume:
+            storage.refuse_existing(folder)
+        with contextlib.ExitStack() as stack:
+            for place in dict.fromkeys([folder, *self.folders]):
+                stack.enter_context(locked(place, wait_s=wait_s))
             if resume and all((place / "summary.json").is_file() for place in self.folders):
                 self._check_request()
                 return [load_run(place) for place in self.folders]
             self._prepare(folder, resume)
+            runs = self._run(folder, resume, progress, checkpoint_s)
+            for run, place in zip(runs, self.folders, strict=True):
+                _store(run, place)
+            return runs
+
+    def _run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
         convoy = self._convoy()
         recorders = [Recorder(config, self.length) for config in self.configs]
         checkpoint = folder / "checkpoint.npz" if folder is not None else None
@@ -287,15 +330,10 @@ class _Batch:
         if resume and checkpoint is not None and checkpoint.is_file():
             load_checkpoint(checkpoint, convoy, recorders, request)
         done = int(self._done(convoy).sum())
-        with report(
-            progress, self.length * len(self.seeds), self.kind, done, " updates" if self.kind == "learn" else " periods"
-        ) as tell:
+        unit = " updates" if self.kind == "learn" else " periods"
+        with report(progress, self.length * len(self.seeds), self.kind, done, unit) as tell:
             self._loop(convoy, recorders, checkpoint, request, checkpoint_s, tell)
-        runs = self._results(convoy, recorders)
-        if self.folders is not None:
-            for run, place in zip(runs, self.folders, strict=True):
-                _store(run, place)
-        return runs
+        return self._results(convoy, recorders)
 
     def _loop(
         self, convoy: Convoy, recorders: list[Recorder], checkpoint: Path | None, request: str, checkpoint_s: float, tell: Any
@@ -343,18 +381,16 @@ class _Batch:
         return runs
 
     def _prepare(self, folder: Path, resume: bool) -> None:
+        """Begin or continue in a folder that nobody else writes to; files of others are left alone."""
         assert self.folders is not None
         if resume:
             self._check_request()
-            for place in {folder, *self.folders}:
-                storage.refuse_strangers(place, [*KNOWN, *(other.name for other in self.folders if other != folder)])
-        else:
-            storage.refuse_existing(folder)
         for header, place in zip(self.headers(), self.folders, strict=True):
-            place.mkdir(parents=True, exist_ok=True)
+            if not resume:
+                storage.refuse_existing(place)
             if not (place / "config.json").is_file():
                 storage.write_json(place / "config.json", header)
-        for place in {folder, *self.folders}:
+        for place in dict.fromkeys([folder, *self.folders]):
             storage.remove_temporaries(place, FILES)
 
     def _check_request(self) -> None:
@@ -370,12 +406,24 @@ class _Batch:
                         f"{place} was started with {key} = {header[key]!r}, this run asks for {wanted[key]!r}; "
                         "continue with the same request, or choose another folder"
                     )
+            others = [
+                f"{name} {header['versions'].get(name)}"
+                for name, now in wanted["versions"].items()
+                if header["versions"].get(name) != now
+            ]
+            if others:
+                warnings.warn(
+                    f"{place} was begun with {', '.join(others)}; continued with other versions it may not be what either "
+                    "gives alone",
+                    stacklevel=4,
+                )
 
 
 def _store(run: Run, folder: Path) -> None:
     write_weights(folder, Weights(run.policy, run.w, run.updates, describe(run.policy, run.config, run.updates)))
-    storage.write_npz(folder / "records.npz", run.records)
-    storage.write_json(folder / "summary.json", run.summary)
+    told = storage.sha256_of(fields.to_dict(run.config))
+    storage.write_npz(folder / "records.npz", run.records | {"config_sha256": np.array(told)})
+    storage.write_json(folder / "summary.json", run.summary | {"config_sha256": told})
 
 
 def _header(
@@ -391,6 +439,6 @@ def _header(
 
 def _read_header(folder: Path) -> dict[str, Any]:
     header = storage.read_json(folder / "config.json")
-    if not isinstance(header, dict) or header.get("schema") != SCHEMA or not set(REQUEST) <= set(header):
+    if not isinstance(header, dict) or header.get("schema") != SCHEMA or not {*REQUEST, "versions"} <= set(header):
         raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}: it is damaged or of another version")
     return header

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 Place = tuple[int, int]
 
@@ -46,6 +45,8 @@ def share_of_block(visits: ArrayLike, place: Place, size: int = 3) -> float:
 
 def iqm(values: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
     """Return the interquartile mean: what is left without the lowest and the highest quarter (whole values, rounded down)."""
+    from scipy import stats  # here and below: its import costs more than most runs
+
     middle: NDArray[np.float64] = stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
     return middle
 
@@ -73,6 +74,8 @@ def interval(values: ArrayLike, *, statistic: str = "mean", level: float = 0.95,
     point = float(function(sample))
     if np.all(sample == sample[0]):
         return point, point, point
+    from scipy import stats
+
     result = stats.bootstrap(
         (sample,), function, confidence_level=level, n_resamples=10_000, method="percentile", rng=np.random.default_rng(seed)
     )
@@ -135,6 +138,8 @@ def time_to_criterion(times: ArrayLike, lengths: ArrayLike) -> TimeToCriterion:
         )
     open_ended = np.isnan(when)
     seen = np.where(open_ended, ends, when)
+    from scipy import stats
+
     survival = stats.ecdf(stats.CensoredData(uncensored=seen[~open_ended], right=seen[open_ended])).sf
     below = survival.quantiles[survival.probabilities <= 0.5 + 1e-9]  # a product of fractions may miss 1/2 by a rounding
     horizon = float(seen[open_ended].min() if open_ended.any() else seen.max())

@@ -4,9 +4,11 @@ Contract: after ``write_npz`` or ``write_json`` returns, the whole file is there
 untouched. Nothing is pickled. Equal contents give equal bytes.
 """
 
+import hashlib
 import json
 import math
 import os
+import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,7 +16,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-_TEMPORARY = ".tmp"
+from workbench.study.locks import FILE as LOCK
+
+_TEMPORARY = ".tmp"  # the end of a temporary name; before it stand the file's name and who writes it
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -77,22 +81,28 @@ def plain(value: Any) -> Any:
     return value
 
 
+def sha256_of(value: Any) -> str:
+    """Return a hash of plain JSON values, whatever the order of their names."""
+    return hashlib.sha256(json.dumps(plain(value), sort_keys=True).encode()).hexdigest()
+
+
 def remove_temporaries(folder: Path, names: Sequence[str]) -> None:
     """Delete what interrupted writes of the named files left in a folder."""
     for name in names:
-        (folder / (name + _TEMPORARY)).unlink(missing_ok=True)
+        for path in folder.glob(f".{name}.*{_TEMPORARY}"):
+            path.unlink(missing_ok=True)
 
 
 def refuse_existing(folder: Path) -> None:
     """Raise FileExistsError if a folder has something in it."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.exists() and (not folder.is_dir() or any(path.name != LOCK for path in folder.iterdir())):
         raise FileExistsError(
             f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it"
         )
 
 
 def _write(path: Path, fill: Callable[[BinaryIO], object]) -> None:
-    temporary = path.with_name(path.name + _TEMPORARY)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}{_TEMPORARY}")
     try:
         with open(temporary, "wb") as file:
             fill(file)
@@ -102,16 +112,3 @@ def _write(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     except OSError:
         temporary.unlink(missing_ok=True)
         raise
-
-
-def refuse_strangers(folder: Path, known: Sequence[str]) -> None:
-    """Refuse to continue in a folder that holds anything but files and folders of known names.
-
-    Raises:
-        FileExistsError: what else is there.
-    """
-    strangers = sorted(path.name for path in folder.iterdir() if path.name not in known) if folder.is_dir() else []
-    if strangers:
-        raise FileExistsError(
-            f"{folder} holds {', '.join(strangers[:5])}, which belongs to no run of this request; choose another folder"
-        )

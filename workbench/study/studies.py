@@ -2,37 +2,28 @@
 
 ``run_study`` runs what is missing (on all cores, or on any executor), and writes one tidy table: a line per condition and seed,
 with a JSON file beside it that says what was run. Finished trials are kept in runs/.cache/, under the hash of their
-configuration and of the sources, so that a study continues after a kill and studies share what they have in common.
+configuration and of everything that the measuring function imports, so that a study continues after a kill, studies share what
+they have in common, and an edit of what is measured runs it again.
 """
 
 import hashlib
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from workbench import fields, paths
+from workbench import fields, paths, sources
 from workbench.formation.config import ConvoyConfig
 from workbench.study.catalogue import STUDIES, Study
-from workbench.study.experiment import sources_digest
 from workbench.study.storage import write_bytes, write_json
 from workbench.study.sweeps import Failed, sweep
 from workbench.study.trials import Trial
 
 FOLDER = paths.DATA / "studies"
-_TRIAL_SOURCES = (
-    "study/trials.py",
-    "study/motion_trials.py",
-    "study/motion.py",
-    "study/judder.py",
-    "study/smoothness.py",
-    "study/infrared_trials.py",
-    "study/camera_trials.py",
-    "study/off_policy_trials.py",
-    "study/off_policy.py",
-)
 DENSE_UPDATE_S = 24e-6  # one update of 81 × 49 weights, textbook NumPy on a desktop computer; measured, see the notebooks
 
 
@@ -64,7 +55,7 @@ def run_study(
     study = STUDIES[name]
     seeds = (1, 2) if quick else range(1, study.seeds + 1)
     labels, trials = study.trials(seeds, quick=quick)
-    place = store or paths.RUNS / ".cache" / f"trials-{sources_digest(*_TRIAL_SOURCES).hexdigest()[:12]}"
+    place = store or paths.RUNS / ".cache" / f"trials-{sources.digest_of(study.function)}"
     results = sweep(study.function, trials, executor, store=place, workers=workers, progress=progress)
     failures = [result for result in results if isinstance(result, Failed)]
     if failures:
@@ -88,10 +79,35 @@ def load_study(name: str) -> pd.DataFrame:
     return pd.read_csv(path).copy()  # in one piece: columns can be added without a warning
 
 
-def trials_digest(trials: Sequence[Trial]) -> str:
-    """Return a hash of everything that was asked for in a table."""
-    requests = "\n".join(repr(fields.to_dict(trial)) for trial in trials)
-    return hashlib.sha256(requests.encode()).hexdigest()
+def trials_digest(trials: Sequence[Trial], known: Sequence[str] | None = None) -> str:
+    """Return a hash of everything that was asked for in a table.
+
+    Args:
+        trials: one per line.
+        known: the fields that a header knew, see ``fields.names``; default: all of today's.
+
+    Raises:
+        ValueError: a field that the header did not know is not at its default: the table does not say what it does.
+    """
+    digest = hashlib.sha256()
+    for trial in trials:
+        told = fields.flat(trial)
+        if known is not None:
+            news = {name: value for name, value in told.items() if name not in known}
+            usual = fields.flat(type(trial)())
+            for name, value in news.items():
+                if value != usual[name]:
+                    raise ValueError(
+                        f"{name} = {value!r}, a field that the table did not know; expected its default {usual[name]!r}"
+                    )
+            told = {name: value for name, value in told.items() if name in known}
+        digest.update(json.dumps(told, sort_keys=True, ensure_ascii=False).encode())
+    return digest.hexdigest()
+
+
+def is_current(header: Mapping[str, Any], trials: Sequence[Trial]) -> bool:
+    """Return whether a table's header asks for these trials; fields that it did not know must stand at their defaults."""
+    return bool(header["trials_sha256"] == trials_digest(trials, header["fields"]))
 
 
 def _publish(study: Study, table: pd.DataFrame, trials: Sequence[Trial], folder: Path, *, quick: bool) -> None:
@@ -104,7 +120,8 @@ def _publish(study: Study, table: pd.DataFrame, trials: Sequence[Trial], folder:
             "study": study.name, "question": study.question, "simulated": True, "quick": quick,
             "seeds": sorted({trial.config.seed for trial in trials}), "updates": sorted({trial.steps for trial in trials}),
             "greedy_minutes": trials[0].minutes, "trials": len(trials),
-            "first_config": fields.to_dict(trials[0].config), "trials_sha256": trials_digest(trials),
+            "first_config": fields.to_dict(trials[0].config), "fields": sorted(fields.flat(trials[0])),
+            "trials_sha256": trials_digest(trials),
             "table_sha256": hashlib.sha256(content).hexdigest(),
         },
     )  # fmt: skip

@@ -31,8 +31,8 @@ from workbench import paths
 from workbench.arena.model import TIMESTEP
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.arena.world import World
-from workbench.robot.geometry import STEP
-from workbench.robot.motors import RADIANS_PER_STEP, motor_speed, motor_speed_epuck2
+from workbench.robot.geometry import STEP, STEPS_PER_TURN
+from workbench.robot.motors import motor_speed, motor_speed_epuck2
 from workbench.study.storage import write_bytes, write_json
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,7 @@ def replay(drive: str, rule: str, times_s: Floats, commands: Floats) -> Floats:
     world = World(0, [make_track(TrackConfig(judder="none"), np.random.default_rng(0))], drive=drive, spacing_m=0.15)
     world.place(0, 0, 0.0, 0.0, 0.0)
     begin = np.round(times_s / TIMESTEP[drive]).astype(int)
-    scale = RADIANS_PER_STEP if drive == "wheels" else STEP
+    scale = 2 * math.pi / STEPS_PER_TURN if drive == "wheels" else STEP
     speeds = np.array([RULES[rule](round(command)) for command in commands]) * scale
     driven = np.zeros(begin[-1] + 1)
     active = np.searchsorted(begin, np.arange(driven.size), side="right") - 1

@@ -17,7 +17,6 @@ bit for bit.
 import hashlib
 import json
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,8 @@ from workbench import fields
 from workbench.formation.classical import Controller, controller_from_arrays
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.policy import Policy
-from workbench.study.storage import plain, read_npz, write_npz
+from workbench.sources import version
+from workbench.study.storage import plain, read_npz, sha256_of, write_npz
 
 FORMAT = 1
 FILE = "weights.npz"
@@ -71,9 +71,8 @@ def describe(policy: Controller, config: ConvoyConfig, updates: int) -> dict[str
     about["reward"] = {"preset": config.reward, "terminal_factor": config.terminal_factor}
     about["learner"] = fields.to_dict(config.learner)
     about["config"] = fields.to_dict(config)
-    told = json.dumps(about["config"], sort_keys=True)
     about["provenance"] = {
-        "config_sha256": hashlib.sha256(told.encode()).hexdigest(), "seed": config.seed, "updates": updates,
+        "config_sha256": sha256_of(about["config"]), "seed": config.seed, "updates": updates,
         "workbench": version("workbench"), "policy_sha256": policy.sha256(),
     }  # fmt: skip
     kept: dict[str, Any] = plain(about)
