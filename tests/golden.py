@@ -1,7 +1,8 @@
 """Short seeded runs of everything that the loop can do, and hashes of what they did.
 
-``python tests/golden.py`` writes tests/data/golden.json anew; do that only where behaviour is meant to change, and say so in the
-commit. ``test_golden.py`` compares. A hash is of all step records, weights and physics, so that it changes with the last bit.
+``python tests/golden.py`` writes tests/data/golden.json anew; do that only where behaviour is meant
+to change, and say so in the commit. ``test_golden.py`` compares. A hash is of all step records,
+weights and physics, so that it changes with the last bit.
 """
 
 import hashlib
@@ -25,12 +26,20 @@ def _digest(*arrays):
 
 
 def machine():
-    """Return a hash of what this machine's mathematics library and compiler make of the same numbers."""
+    """Return a hash of what this machine's mathematics library and compiler make of the same
+    numbers.
+    """
     from workbench.formation.steering import wrap
 
     x = np.linspace(-7.0, 7.0, 2001)
     compiled = [wrap(value) for value in x[::10]]
-    return _digest(np.sin(x), np.exp(x), x @ x, np.array([math.atan2(value, 0.3) for value in x]), np.array(compiled))
+    return _digest(
+        np.sin(x),
+        np.exp(x),
+        x @ x,
+        np.array([math.atan2(value, 0.3) for value in x]),
+        np.array(compiled),
+    )
 
 
 def _configs():
@@ -45,9 +54,11 @@ def _configs():
     from workbench.robot.description import load_robot
     from workbench.robot.infrared import InfraredConfig
 
-    wheels, planar = ConvoyConfig(followers=2), ConvoyConfig(drive="planar")
+    wheels = ConvoyConfig(followers=2)
+    planar = ConvoyConfig(drive="planar")
     infrared = replace(SETTINGS["infrared"], drive="planar")
-    learn, greedy = {"steps": 10**6}, {"steps": 0}
+    learn = {"steps": 10**6}
+    greedy = {"steps": 0}
     cases = {"wheels": (wheels, learn), "planar": (planar, learn)}
     for name, setting in SETTINGS.items():
         cases[f"setting {name}"] = (replace(setting, drive="planar"), learn)
@@ -57,11 +68,20 @@ def _configs():
     for mode in ("camera", "ir-metric", "ir-raw"):
         base = infrared if mode.startswith("ir") else planar
         cases[f"sensing {mode}"] = (replace(base, sensing=mode), learn)
-        cases[f"sensing {mode}, wheels"] = (replace(base, sensing=mode, drive="wheels", followers=2), learn)
-    cases["sensing pixels"] = (replace(planar, sensing="pixels", followers=1), learn | {"periods": 30})
+        cases[f"sensing {mode}, wheels"] = (
+            replace(base, sensing=mode, drive="wheels", followers=2),
+            learn,
+        )
+    cases["sensing pixels"] = (
+        replace(planar, sensing="pixels", followers=1),
+        learn | {"periods": 30},
+    )
     late = CameraConfig(conditions="bad", latency_s=0.1, dropout=0.1, every=2)
     cases["bad camera"] = (replace(planar, sensing="camera", camera=late), learn)
-    cases["bad pixels"] = (replace(planar, sensing="pixels", followers=1, camera=late), learn | {"periods": 30})
+    cases["bad pixels"] = (
+        replace(planar, sensing="pixels", followers=1, camera=late),
+        learn | {"periods": 30},
+    )
     noisy = replace(planar, noise_distance_m=0.002, noise_bearing_rad=0.04)
     cases["noise"] = (noisy, learn)
     cases["out of sight"] = (replace(planar, sight_m=0.23), learn)
@@ -79,7 +99,9 @@ def _configs():
         "offset": {"warp": "offset"},
         "saturating": {"warp": "saturating"},
     }.items():
-        seen = replace(infrared, sensing="ir-raw", infrared=InfraredConfig(**changes), distance_m=(0.08, 0.115))
+        seen = replace(
+            infrared, sensing="ir-raw", infrared=InfraredConfig(**changes), distance_m=(0.08, 0.115)
+        )
         cases[f"infrared {name}"] = (seen, learn)
     # laws
     for name, law in LAWS.items():
@@ -89,15 +111,24 @@ def _configs():
     cases["law with noise"] = (noisy, {"law": LAWS["path"](half_window=4)})
     cases["law on infrared"] = (replace(infrared, sensing="ir-metric"), {"law": LAWS["carrot"]()})
     cases["law on a camera"] = (replace(planar, sensing="camera"), {"law": LAWS["pursuit"]()})
-    cases["law, truth-relative"] = (replace(planar, sensing="truth-relative"), {"law": LAWS["path"]()})
-    cases["law of one's own"] = (planar, {"law": OwnLaw(function=lambda d, b: (0.06 + 2 * (d - 0.15), 4 * b))})
+    cases["law, truth-relative"] = (
+        replace(planar, sensing="truth-relative"),
+        {"law": LAWS["path"]()},
+    )
+    cases["law of one's own"] = (
+        planar,
+        {"law": OwnLaw(function=lambda d, b: (0.06 + 2 * (d - 0.15), 4 * b))},
+    )
     cases["quantised carrot"] = (planar, greedy | {"policy": quantised_carrot(planar).theta})
     # rules, tilings, schedules, traces, buffer
     several = replace(SETTINGS["recommended"], drive="planar")
     for rule in RULES:
         for name, base in (("paper", planar), ("recommended", several)):
             eta = 1.0 if rule == "qrc" else 0.1
-            cases[f"rule {rule}, {name}"] = (replace(base, learner=LearnerConfig(rule=rule, eta=eta)), learn)
+            cases[f"rule {rule}, {name}"] = (
+                replace(base, learner=LearnerConfig(rule=rule, eta=eta)),
+                learn,
+            )
     for schedule in ("exponential", "constant"):
         learner = LearnerConfig(epsilon_schedule=schedule, epsilon=0.2, gamma=0.7)
         cases[f"schedule {schedule}"] = (replace(planar, learner=learner), {"steps": 600})
@@ -111,10 +142,14 @@ def _configs():
     }.items():
         cases[name] = (replace(planar, learner=learner), learn)
     slow = replace(planar, learner=LearnerConfig(buffer=False), compute_time_s=0.06)
-    cases["slow, no buffer"], cases["slow, wheels"] = (slow, learn), (replace(slow, drive="wheels", followers=2), learn)
+    cases["slow, no buffer"] = (slow, learn)
+    cases["slow, wheels"] = (replace(slow, drive="wheels", followers=2), learn)
     cases["slow, as long as a period"] = (replace(slow, compute_time_s=0.1), learn)
     for n, m in ((3, 2), (4, 4), (5, 8)):
-        cases[f"{m} tilings of {n}×{n + 1}"] = (replace(planar, state_tiles=(n, n + 1), tilings=m, action_levels=(3, 5)), learn)
+        cases[f"{m} tilings of {n}×{n + 1}"] = (
+            replace(planar, state_tiles=(n, n + 1), tilings=m, action_levels=(3, 5)),
+            learn,
+        )
     kinds = ("uniform", "logarithmic")
     for along in kinds:
         for across in kinds:
@@ -134,7 +169,9 @@ def _configs():
         "slip": BodyConfig(slip=0.1),
         "missed": BodyConfig(missed=0.3),
         "spread": BodyConfig(wheel_spread=0.1, axle_spread=0.1),
-        "everything": BodyConfig(wheel_spread=0.05, axle_spread=0.05, slip=0.05, delay=2, missed=0.1),
+        "everything": BodyConfig(
+            wheel_spread=0.05, axle_spread=0.05, slip=0.05, delay=2, missed=0.1
+        ),
     }.items():
         cases[f"body {name}"] = (replace(planar, body=body), learn)
     everything = cases["body everything"][0].body
@@ -151,13 +188,8 @@ def _configs():
         cases[f"weights {weights}"] = (replace(planar, weights=weights), learn)
         cases[f"weights {weights}, recommended"] = (replace(several, weights=weights), learn)
     theta = np.random.default_rng(0).normal(size=(4, 81, 49))
-    cases["policy of four tables"], cases["policy of one table"] = (
-        (planar, greedy | {"policy": theta}),
-        (
-            planar,
-            greedy | {"policy": theta[:1]},
-        ),
-    )
+    cases["policy of four tables"] = (planar, greedy | {"policy": theta})
+    cases["policy of one table"] = (planar, greedy | {"policy": theta[:1]})
     carrot = quantised_carrot(planar).theta / 1000
     for name, cutoff in (("trace", 1e-8), ("whole trace", 0.0)):
         kept = replace(planar, learner=LearnerConfig(trace_cutoff=cutoff, alpha=1e-3))
@@ -172,12 +204,10 @@ def _configs():
         "anticlockwise": TrackConfig(direction="anticlockwise"),
     }.items():
         cases[f"track {name}"] = (replace(planar, track=track), learn)
-    cases["ground b"], cases["not calibrated on the ground"] = (
-        (replace(planar, ground="b"), learn),
-        (
-            replace(planar, ground="c", ground_calibrated=False),
-            learn,
-        ),
+    cases["ground b"] = (replace(planar, ground="b"), learn)
+    cases["not calibrated on the ground"] = (
+        replace(planar, ground="c", ground_calibrated=False),
+        learn,
     )
     cases["large robot"] = (planar.with_robot(load_robot("large")), learn)
     cases["large robot, wheels"] = (wheels.with_robot(load_robot("large")), learn)
@@ -198,13 +228,17 @@ def run_case(name):
     blocks = []
     while not convoy.finished:
         block = convoy.run_block()
-        blocks.append(block[:, : int(convoy.periods.max() - sum(b.shape[1] for b in blocks))].copy())
+        blocks.append(
+            block[:, : int(convoy.periods.max() - sum(b.shape[1] for b in blocks))].copy()
+        )
     steps = np.concatenate(blocks, axis=1)
     return _summary(steps, convoy.weights, convoy.world.states, LOSS)
 
 
 def _summary(steps, weights, states, loss, early=50):
-    """Return a hash of everything, and numbers of the first five seconds, which other machines must reach within rounding."""
+    """Return a hash of everything, and numbers of the first five seconds, which other machines must
+    reach within rounding.
+    """
     begin = steps[:, :early]
     return {
         "sha256": _digest(steps, weights, states),
@@ -216,14 +250,17 @@ def _summary(steps, weights, states, loss, early=50):
 
 
 def run_outside(config, robot):
-    """Return hash and numbers of a convoy that is driven period by period: one robot, or (None) all followers, from outside."""
+    """Return hash and numbers of a convoy that is driven period by period: one robot, or (None) all
+    followers, from outside.
+    """
     from workbench.formation.classical import Outside
     from workbench.formation.convoy import Convoy
     from workbench.formation.follower import LOSS
 
     law = Outside() if robot is None else None
     convoy = Convoy(config, [1, 2], periods=10**6, law=law, external=robot, threads=1)
-    rng, kept = np.random.default_rng(3), []
+    rng = np.random.default_rng(3)
+    kept = []
     for t in range(PERIODS):
         kept.append(convoy.period(t).copy())
         shape = (2, config.followers)
@@ -250,17 +287,32 @@ def run_solo(config, steps):
         robot.calibrate_proximity_sensors()
         for _ in range(PERIODS):
             robot.step()
-            seen = [*robot.get_proximity(), *robot.get_light_sensor(), *robot.get_floor_sensors(), *robot.get_motor_position()]
+            seen = [
+                *robot.get_proximity(),
+                *robot.get_light_sensor(),
+                *robot.get_floor_sensors(),
+                *robot.get_motor_position(),
+            ]
             left, right = follower.decide(robot.get_proximity(), robot.get_light_sensor())
             robot.set_motors_speed(left, right)
             follower.learn()
-            readings.append([*seen, left, right, follower.probability, float(follower.record["state"])])
+            readings.append(
+                [*seen, left, right, follower.probability, float(follower.record["state"])]
+            )
     table = np.array(readings)
-    return {"sha256": _digest(table, follower.weights), "losses": 0, "x_m": float(table[:50].mean()), "y_m": 0.0, "left": 0.0}
+    return {
+        "sha256": _digest(table, follower.weights),
+        "losses": 0,
+        "x_m": float(table[:50].mean()),
+        "y_m": 0.0,
+        "left": 0.0,
+    }
 
 
 def run_records(drive):
-    """Return hash and numbers of what a run keeps, of its summary, and of the measures of its motion."""
+    """Return hash and numbers of what a run keeps, of its summary, and of the measures of its
+    motion.
+    """
     from workbench.formation.classical import CarrotPI
     from workbench.formation.config import ConvoyConfig
     from workbench.study.judder import judder
@@ -271,7 +323,11 @@ def run_records(drive):
     run = learn(config, steps=8000, progress=False)
     judged = evaluate(run.policy, config.with_seed(2), minutes=2, progress=False)
     motion = follow(CarrotPI(), config, minutes=2.5)
-    tables = [chatter(run).to_numpy(float), chatter(motion).to_numpy(float), judder(motion).to_numpy(float)]
+    tables = [
+        chatter(run).to_numpy(float),
+        chatter(motion).to_numpy(float),
+        judder(motion).to_numpy(float),
+    ]
     texts = json.dumps([run.summary, judged.summary], sort_keys=True)
     arrays = [run.records[name] for name in sorted(run.records)] + tables
     return {
@@ -289,7 +345,9 @@ def run_environment(observation, actions):
     from workbench.formation.config import SETTINGS, ConvoyConfig
 
     config = SETTINGS["infrared"] if observation == "infrared" else ConvoyConfig()
-    env = FollowVectorEnv(3, replace(config, drive="planar"), observation=observation, actions=actions, seconds=10.0)
+    env = FollowVectorEnv(
+        3, replace(config, drive="planar"), observation=observation, actions=actions, seconds=10.0
+    )
     seen, _ = env.reset(seed=4)
     env.action_space.seed(7)
     kept = [np.asarray(seen, float)]
@@ -300,11 +358,22 @@ def run_environment(observation, actions):
 
 
 STUDIED = {  # study → which of its trials, and changes that make them short
-    "tiles": (0, -1), "reset": (0, -1), "recommended": (0,), "smoothness": (0, 1), "stability": (0,), 
+    "tiles": (0, -1),
+    "reset": (0, -1),
+    "recommended": (0,),
+    "smoothness": (0, 1),
+    "stability": (0,),
     "controllers": (0, 2, 3, -1),
-    "rivals": (0, -1), "camera": (0,), "infrared": (0, -1), "infrared-world": (5,), "copies": (0, -1), "warm": (0,),
-    "transfer": (0, 1, 3, 4), "delays": (0,), "gap": (0, -1),
-}  # fmt: skip
+    "rivals": (0, -1),
+    "camera": (0,),
+    "infrared": (0, -1),
+    "infrared-world": (5,),
+    "copies": (0, -1),
+    "warm": (0,),
+    "transfer": (0, 1, 3, 4),
+    "delays": (0,),
+    "gap": (0, -1),
+}
 
 
 def run_study(name):
@@ -319,24 +388,46 @@ def run_study(name):
         trial = replace(trials[k], steps=min(trials[k].steps, 1000), minutes=2.5, **short)
         lines.append({key: float(value) for key, value in study.function(trial).items()})
     text = json.dumps([sorted(line.items()) for line in lines])
-    losses = sum(value for line in lines for key, value in line.items() if "losses" in key and np.isfinite(value))
-    return {"sha256": _digest(np.frombuffer(text.encode(), np.uint8)), "losses": int(losses), "x_m": 0.0, "y_m": 0.0, "left": 0.0}
+    losses = sum(
+        value
+        for line in lines
+        for key, value in line.items()
+        if "losses" in key and np.isfinite(value)
+    )
+    return {
+        "sha256": _digest(np.frombuffer(text.encode(), np.uint8)),
+        "losses": int(losses),
+        "x_m": 0.0,
+        "y_m": 0.0,
+        "left": 0.0,
+    }
 
 
 def run_log():
-    """Return hash and numbers of the log and the returns from which a policy's value is estimated."""
+    """Return hash and numbers of the log and the returns from which a policy's value is
+    estimated.
+    """
     from workbench.formation.config import SETTINGS
     from workbench.formation.policy import Policy
     from workbench.study.off_policy import evaluate_log
     from workbench.study.off_policy_trials import Driver
 
     config = replace(SETTINGS["infrared"], sensing="ir-raw", followers=1, drive="planar")
-    policy = Policy.of(config, np.random.default_rng(5).normal(size=(1, config.rows, config.actions)) / 100)
+    policy = Policy.of(
+        config, np.random.default_rng(5).normal(size=(1, config.rows, config.actions)) / 100
+    )
     driver = Driver(config, policy)
     log = driver.log(epsilon=0.5, periods=800)
     found = evaluate_log(log, policy, gamma=0.8, seed=1)
     returns = driver.returns(epsilon=0.1, gamma=0.8, stretches=5)
-    arrays = (log.state, log.action, log.probability, log.reward, returns, np.array(sorted(found.items()), object).astype(str))
+    arrays = (
+        log.state,
+        log.action,
+        log.probability,
+        log.reward,
+        returns,
+        np.array(sorted(found.items()), object).astype(str),
+    )
     return {"sha256": _digest(*arrays), "losses": 0, "x_m": 0.0, "y_m": 0.0, "left": 0.0}
 
 
@@ -344,7 +435,8 @@ def cases():
     """Return name → function without arguments that gives hash and numbers."""
     from workbench.formation.config import SETTINGS, ConvoyConfig
 
-    planar, raw = ConvoyConfig(drive="planar"), replace(SETTINGS["infrared"], sensing="ir-raw", followers=1)
+    planar = ConvoyConfig(drive="planar")
+    raw = replace(SETTINGS["infrared"], sensing="ir-raw", followers=1)
     found = {name: (lambda name=name: run_case(name)) for name in _configs()}
     found |= {f"study {name}": (lambda name=name: run_study(name)) for name in STUDIED}
     found |= {

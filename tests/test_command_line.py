@@ -19,12 +19,34 @@ def _run(*arguments):
 
 def test_learn_evaluate_and_resume_print_one_json_object_last(tmp_path, capsys):
     out = str(tmp_path / "run")
-    assert main(["learn", *FAST, "--seed", "3", "--out", out, "--set", "learner.alpha=0.2", "--set", "reward=alive"]) == 0
+    assert (
+        main(
+            [
+                "learn",
+                *FAST,
+                "--seed",
+                "3",
+                "--out",
+                out,
+                "--set",
+                "learner.alpha=0.2",
+                "--set",
+                "reward=alive",
+            ]
+        )
+        == 0
+    )
     learned = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert learned["steps"] == 3000 and learned["seed"] == 3 and learned["wall_s"] > 0
     run = wb.load_run(out)
-    assert run.config.learner.alpha == 0.2 and run.config.reward == "alive" and run.config.followers == 2
-    assert main(["learn", "--resume", "--out", out]) == 0  # complete: shown again, nothing is learned
+    assert (
+        run.config.learner.alpha == 0.2
+        and run.config.reward == "alive"
+        and run.config.followers == 2
+    )
+    assert (
+        main(["learn", "--resume", "--out", out]) == 0
+    )  # complete: shown again, nothing is learned
     again = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {**again, "wall_s": 0} == {**learned, "wall_s": 0}
     assert main(["evaluate", out, "--minutes", "1", "--seed", "2", "--drive", "wheels"]) == 0
@@ -34,7 +56,21 @@ def test_learn_evaluate_and_resume_print_one_json_object_last(tmp_path, capsys):
 
 
 def test_a_classical_law_is_evaluated_by_its_name(capsys):
-    assert main(["evaluate", "carrot", "--minutes", "1", "--drive", "planar", "--set", "sensing=truth-relative"]) == 0
+    assert (
+        main(
+            [
+                "evaluate",
+                "carrot",
+                "--minutes",
+                "1",
+                "--drive",
+                "planar",
+                "--set",
+                "sensing=truth-relative",
+            ]
+        )
+        == 0
+    )
     judged = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert judged["losses"] == judged["collisions"] == 0 and 0 < judged["rms_distance_mm"] < 10
 
@@ -43,17 +79,38 @@ def test_a_classical_law_is_evaluated_by_its_name(capsys):
     ("arguments", "message"),
     [
         (["learn", "--out", "x", "--steps", "0"], "steps = 0; expected a whole number, at least 1"),
-        (["learn", "--out", "x", "--drive", "hover"], "ConvoyConfig.drive = 'hover'; expected one of 'wheels', 'planar'"),
-        (["learn", "--out", "x", "--set", "learner.alpha=2"], "LearnerConfig.alpha = 2; expected a number from 1e-09 to 1"),
+        (
+            ["learn", "--out", "x", "--drive", "hover"],
+            "ConvoyConfig.drive = 'hover'; expected one of 'wheels', 'planar'",
+        ),
+        (
+            ["learn", "--out", "x", "--set", "learner.alpha=2"],
+            "LearnerConfig.alpha = 2; expected a number from 1e-09 to 1",
+        ),
         (["learn", "--out", "x", "--set", "alpha"], "--set 'alpha'; expected NAME=VALUE"),
         (["learn", "--out", "x", "--set", "seed.x=1"], "'seed' has no parts"),
-        (["learn", "--out", "x", "--setting", "best"], "--setting 'best'; expected one of paper, paper-robot"),
-        (["learn", "--out", "x", "--setting", "paper", "--resume"], "a run that is resumed keeps its own"),
-        (["evaluate", "nowhere"], "nowhere holds no run, and is no classical law (carrot, leader-frame, l-psi"),
-        (["evaluate", "l-psi", "--set", "sensing=truth-relative"], "law 'l-psi' needs the predecessor's heading, speed"),
+        (
+            ["learn", "--out", "x", "--setting", "best"],
+            "--setting 'best'; expected one of paper, paper-robot",
+        ),
+        (
+            ["learn", "--out", "x", "--setting", "paper", "--resume"],
+            "a run that is resumed keeps its own",
+        ),
+        (
+            ["evaluate", "nowhere"],
+            "nowhere holds no run, and is no classical law (carrot, leader-frame, l-psi",
+        ),
+        (
+            ["evaluate", "l-psi", "--set", "sensing=truth-relative"],
+            "law 'l-psi' needs the predecessor's heading, speed",
+        ),
         (["study", "everything"], "study 'everything'; expected one of tiles, inner"),
         (["study", "inner", "--workers", "-1"], "workers = -1"),
-        (["validate", "moon"], "validate 'moon'; expected drive, infrared, tiles, camera or deadlines"),
+        (
+            ["validate", "moon"],
+            "validate 'moon'; expected drive, infrared, tiles, camera or deadlines",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(arguments, message, capsys, tmp_path, monkeypatch):
@@ -76,7 +133,10 @@ def test_a_named_setting_is_where_a_run_starts_from(tmp_path, capsys):
 def test_studies_are_listed_with_their_questions(capsys):
     assert main(["study", "list"]) == 0
     printed = capsys.readouterr().out
-    assert "buffer" in printed and "From which compute time on does the update buffer matter?" in printed
+    assert (
+        "buffer" in printed
+        and "From which compute time on does the update buffer matter?" in printed
+    )
 
 
 def test_an_interruption_is_one_line_and_code_130(monkeypatch, capsys):
@@ -90,24 +150,41 @@ def test_an_interruption_is_one_line_and_code_130(monkeypatch, capsys):
 
 def test_help_explains_units_and_fields():
     text = _run("learn", "--help").stdout
-    for words in ("Units:", "motor steps/s", "learner.alpha", "leader_speed_mps = 0.06: constant speed of the leader"):
+    for words in (
+        "Units:",
+        "motor steps/s",
+        "learner.alpha",
+        "leader_speed_mps = 0.06: constant speed of the leader",
+    ):
         assert words in text
 
 
 def test_import_is_light_and_works_without_a_graphics_library():
-    code = "import sys, workbench; print([m for m in ('cv2', 'ipywidgets', 'OpenGL') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
+    code = (
+        "import sys, workbench; print([m for m in ('cv2', 'ipywidgets', 'OpenGL') if m in "
+        "sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_no_opengl_library_is_loaded_by_learning_and_drawing():
     code = (
-        "import workbench as wb; import numpy as np; run = wb.learn(wb.ConvoyConfig(drive='planar'), steps=50, progress=False); "
+        "import workbench as wb; import numpy as np; run = "
+        "wb.learn(wb.ConvoyConfig(drive='planar'), steps=50, progress=False); "
         "wb.picture(wb.still_world(run.config, run.records['samples'][0]), width=16, height=12); "
-        "print([line for line in open('/proc/self/maps') if 'libEGL' in line or 'libGL' in line or 'libOSMesa' in line])"
+        "print([line for line in open('/proc/self/maps') if 'libEGL' in line or 'libGL' in "
+        "line or 'libOSMesa' in line])"
     )
-    done = subprocess.run([sys.executable, "-W", "error::UserWarning", "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-W", "error::UserWarning", "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert done.stdout.strip() == "[]"
 
 
@@ -123,12 +200,23 @@ def test_the_public_surface_is_small_and_sorted_out():
     [
         ("import workbench", 0.15, "numpy numba mujoco pandas scipy matplotlib gymnasium"),
         ("import workbench.robot.api", 0.25, "numba mujoco pandas scipy matplotlib"),
-        ("import workbench.formation.convoy", 0.8, "pandas scipy.stats scipy.spatial matplotlib gymnasium IPython cv2"),
-        ("import workbench as wb; wb.learn", 0.8, "pandas scipy.stats matplotlib gymnasium IPython cv2"),
+        (
+            "import workbench.formation.convoy",
+            0.8,
+            "pandas scipy.stats scipy.spatial matplotlib gymnasium IPython cv2",
+        ),
+        (
+            "import workbench as wb; wb.learn",
+            0.8,
+            "pandas scipy.stats matplotlib gymnasium IPython cv2",
+        ),
     ],
 )
 def test_a_name_costs_what_it_needs(code, seconds, absent):
-    tell = f"{code}\nimport sys, time; print(time.process_time(), *[name for name in {absent.split()} if name in sys.modules])"
+    tell = (
+        f"{code}\nimport sys, time; print(time.process_time(), *[name for name in "
+        f"{absent.split()} if name in sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", tell], capture_output=True, text=True, check=True)
     took, *loaded = done.stdout.split()
     assert loaded == []
@@ -136,15 +224,29 @@ def test_a_name_costs_what_it_needs(code, seconds, absent):
 
 
 def test_gymnasium_knows_the_environments_whatever_is_imported_first():
-    for imports in ("import gymnasium, workbench", "import workbench as wb, gymnasium; wb.ConvoyConfig"):
-        command = [sys.executable, "-c", f"{imports}; print(gymnasium.spec('workbench/Follow-v0').id)"]
-        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "workbench/Follow-v0\n"
+    for imports in (
+        "import gymnasium, workbench",
+        "import workbench as wb, gymnasium; wb.ConvoyConfig",
+    ):
+        command = [
+            sys.executable,
+            "-c",
+            f"{imports}; print(gymnasium.spec('workbench/Follow-v0').id)",
+        ]
+        assert (
+            subprocess.run(command, capture_output=True, text=True, check=True).stdout
+            == "workbench/Follow-v0\n"
+        )
 
 
 def _example(mark):
     """Return the README's Python example that has a mark in it."""
     text = (wb.paths.ROOT / "README.md").read_text(encoding="utf-8")
-    [example] = [part.split("```")[0] for part in text.split("```python\n")[1:] if mark in part.split("```")[0]]
+    [example] = [
+        part.split("```")[0]
+        for part in text.split("```python\n")[1:]
+        if mark in part.split("```")[0]
+    ]
     return example
 
 
@@ -157,7 +259,11 @@ def test_the_readme_s_comparison_with_a_classical_law_runs(capsys):
 def test_the_readme_s_example_runs():
     example = _example("run.save(")
     assert len(example.strip().splitlines()) <= 12
-    quick = example.replace("1_300_000", "3_000").replace("minutes=30", "minutes=1").replace("runs/mine", "unused")
+    quick = (
+        example.replace("1_300_000", "3_000")
+        .replace("minutes=30", "minutes=1")
+        .replace("runs/mine", "unused")
+    )
     scope: dict[str, object] = {}
     exec(compile(quick.replace("run.save", "str"), "README example", "exec"), scope)  # noqa: S102
     assert scope["run"].summary["steps"] == 3_000  # type: ignore[attr-defined]

@@ -14,7 +14,8 @@ from workbench.compiled import compiled, uncompiled
 SCRIPT = """
 from workbench.formation.leader import follow_line
 import numpy as np
-leader = np.zeros(1, [("memory", "f8"), ("timer", "i8"), ("knows_white", "f8", (3,)), ("knows_black", "f8", (3,))])
+known = [("knows_white", "f8", (3,)), ("knows_black", "f8", (3,))]
+leader = np.zeros(1, [("memory", "f8"), ("timer", "i8"), *known])
 leader["knows_white"], leader["knows_black"] = 948.0, 300.0
 from numba import njit
 call = njit(lambda leader: follow_line(leader[0], 700.0, 300.0, 948.0, 466.0, 1.0))
@@ -24,21 +25,37 @@ print(*call(leader), follow_line.stats.cache_hits if hasattr(follow_line, "stats
 
 def _run(folder):
     environment = os.environ | {"PYTHONPATH": str(folder)}
-    done = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, cwd=folder, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        env=environment,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return done.stdout.split()[:2]
 
 
 def test_an_edit_of_a_called_module_takes_effect_at_the_next_start(tmp_path):
     # the leader's rule is compiled in one module and calls the ground sensor's darkness in another
-    shutil.copytree(paths.ROOT / "workbench", tmp_path / "workbench", ignore=shutil.ignore_patterns("__pycache__"))
-    first, again = _run(tmp_path), _run(tmp_path)
+    shutil.copytree(
+        paths.ROOT / "workbench",
+        tmp_path / "workbench",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
+    first = _run(tmp_path)
+    again = _run(tmp_path)
     source = tmp_path / "workbench" / "robot" / "ground.py"
     text = source.read_text()
     assert text.count("return min(max(share, 0.0), 1.0)") == 1
-    source.write_text(text.replace("return min(max(share, 0.0), 1.0)", "return min(max(share, 0.0), 0.1)"))
+    source.write_text(
+        text.replace("return min(max(share, 0.0), 1.0)", "return min(max(share, 0.0), 0.1)")
+    )
     edited = _run(tmp_path)
     assert first == again != edited
-    folders = list((tmp_path / "workbench" / "__pycache__" / "numba").glob("workbench.formation.leader-*"))
+    folders = list(
+        (tmp_path / "workbench" / "__pycache__" / "numba").glob("workbench.formation.leader-*")
+    )
     assert len(folders) == 2 and all(any(folder.rglob("*.nbi")) for folder in folders)
     plot = tmp_path / "workbench" / "study" / "plots.py"
     plot.write_text(plot.read_text() + "\nEDITED = 1\n")
@@ -53,7 +70,9 @@ def test_other_users_of_numba_are_left_alone():
     assert numba.config.CACHE_DIR == before
 
 
-def test_a_folder_that_cannot_be_written_is_passed_over_for_one_that_all_processes_of_a_user_share(tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_passed_over_for_one_that_all_processes_of_a_user_share(
+    tmp_path, monkeypatch
+):
     (tmp_path / "package").write_text("no folder")  # whatever would lie below cannot be made
     monkeypatch.setattr(module.sources, "PACKAGE", tmp_path / "package")
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -61,13 +80,19 @@ def test_a_folder_that_cannot_be_written_is_passed_over_for_one_that_all_process
     monkeypatch.setenv("HOME", str(tmp_path / "package"))
     monkeypatch.setattr(module.tempfile, "gettempdir", lambda: str(tmp_path))
     shared = module.parent.__wrapped__()
-    assert shared == tmp_path / f"workbench-{module._user()}" / "numba" == module.parent.__wrapped__()
+    assert (
+        shared == tmp_path / f"workbench-{module._user()}" / "numba" == module.parent.__wrapped__()
+    )
     assert shared.stat().st_mode & 0o077 == 0  # code that only this user can have put there
-    monkeypatch.setattr(module.getpass, "getuser", lambda: (_ for _ in ()).throw(KeyError("no such user")))
+    monkeypatch.setattr(
+        module.getpass, "getuser", lambda: (_ for _ in ()).throw(KeyError("no such user"))
+    )
     assert str(module.os.getuid()) == module._user()
 
 
 def test_a_function_can_be_called_as_it_was_written_with_all_that_it_calls():
     from workbench.robot.infrared import InfraredConfig, front_pair
 
-    assert uncompiled(front_pair)(0.1, 0.2, InfraredConfig()) == front_pair(0.1, 0.2, InfraredConfig())
+    assert uncompiled(front_pair)(0.1, 0.2, InfraredConfig()) == front_pair(
+        0.1, 0.2, InfraredConfig()
+    )

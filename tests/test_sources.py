@@ -1,4 +1,6 @@
-"""What depends on what: an edit of what is called changes the hash, an edit of anything else does not."""
+"""What depends on what: an edit of what is called changes the hash, an edit of anything else does
+not.
+"""
 
 import os
 import shutil
@@ -21,14 +23,18 @@ print("compiled", digest("workbench.formation.control"))
 def _digests(folder):
     environment = os.environ | {"PYTHONPATH": str(folder)}
     command = [sys.executable, "-c", _TELL]
-    done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command, env=environment, cwd=folder, capture_output=True, text=True, check=True
+    )
     return dict(line.split() for line in done.stdout.splitlines())
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
     folder = tmp_path_factory.mktemp("edited")
-    shutil.copytree(paths.ROOT / "workbench", folder / "workbench", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        paths.ROOT / "workbench", folder / "workbench", ignore=shutil.ignore_patterns("__pycache__")
+    )
     return folder, _digests(folder)
 
 
@@ -60,7 +66,8 @@ def test_an_edit_runs_again_what_depends_on_it_and_nothing_else(package, file, c
 
 def test_a_function_depends_on_what_it_uses_of_its_own_module_only(tmp_path, monkeypatch):
     text = (
-        "import math\nFACTOR = 2\n_helper = lambda x: x * FACTOR\n\ndef measure(x):\n    return _helper(x) + math.pi\n\n"
+        "import math\nFACTOR = 2\n_helper = lambda x: x * FACTOR\n\ndef measure(x):\n    "
+        "return _helper(x) + math.pi\n\n"
         "def plot(x):\n    return x\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
@@ -74,11 +81,16 @@ def test_a_function_depends_on_what_it_uses_of_its_own_module_only(tmp_path, mon
 
 def test_imports_of_every_form_are_followed():
     text = (
-        "from workbench import fields, paths\nfrom workbench.learning import (\n    gq,  # first\n    tiles,\n)\n"
-        "    from workbench.robot.api import Robot\nimport workbench.arena.world\nTABLE = 'workbench.formation.reset:manoeuvre'\n"
+        "from workbench import fields, paths\nfrom workbench.learning import (\n    gq,  # "
+        "first\n    tiles,\n)\n"
+        "    from workbench.robot.api import Robot\nimport workbench.arena.world\nTABLE = "
+        "'workbench.formation.reset:manoeuvre'\n"
         "from workbench.robot import geometry as g\n"
     )
-    names = "fields paths learning.gq learning.tiles robot.api arena.world formation.reset robot.geometry"
+    names = (
+        "fields paths learning.gq learning.tiles robot.api arena.world formation.reset "
+        "robot.geometry"
+    )
     assert set(sources._modules(text)) == {f"workbench.{name}" for name in names.split()}
 
 

@@ -1,6 +1,8 @@
-"""Formation control with Greedy-GQ(λ) on simulated e-puck robots. ``import workbench as wb``; see the README.
+"""Formation control with Greedy-GQ(λ) on simulated e-puck robots. ``import workbench as wb``; see
+the README.
 
-Names are loaded when they are first used (PEP 562), so that a program pays for what it needs; the list is ``__init__.pyi``.
+Names are loaded when they are first used (PEP 562), so that a program pays for what it needs; the
+list is ``__init__.pyi``.
 """
 
 import importlib
@@ -8,13 +10,19 @@ import re
 import sys
 from pathlib import Path
 
-_LISTED = re.findall(r"^from (\.\S+) import \w+ as (\w+)$", Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"), re.M)
+_LISTED = re.findall(
+    r"^from (\.\S+) import \w+ as (\w+)$",
+    Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"),
+    re.M,
+)
 _WHERE = {name: module for module, name in _LISTED}
 __all__ = list(_WHERE)
 
 
 def _introduce() -> None:
-    """Tell gymnasium of the environments, where a program uses it; to import it here would cost everybody its time."""
+    """Tell gymnasium of the environments, where a program uses it; to import it here would cost
+    everybody its time.
+    """
     if "gymnasium" in sys.modules:
         from .doors.registration import register
 

@@ -1,15 +1,17 @@
 """Compiled functions: numba's ``njit``, with a cache on disk that no edit leaves stale.
 
-numba keeps compiled code beside a function's own file and looks at that file only. But the code of the control loop contains the
-reward, the learner and everything else that it calls: after an edit of ``reward.py`` the old reward would go on to be used. Here
-the cache's folder is named after the module and all that it imports (``workbench.sources``): an edit of any of these compiles
-anew, an edit of a plot or a study does not.
+numba keeps compiled code beside a function's own file and looks at that file only. But the code of
+the control loop contains the reward, the learner and everything else that it calls: after an edit
+of ``reward.py`` the old reward would go on to be used. Here the cache's folder is named after the
+module and all that it imports (``workbench.sources``): an edit of any of these compiles anew, an
+edit of a plot or a study does not.
 
 >>> from workbench.robot.motors import motor_speed
 >>> motor_speed(550) == motor_speed.py_func(550)  # the function as it was written is still there
 True
 
-Contract: functions are compiled at their first call for the types that they get; other users of numba are not affected.
+Contract: functions are compiled at their first call for the types that they get; other users of
+numba are not affected.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ _KEPT = 3  # folders of earlier sources, of every module
 
 
 def _parents() -> list[Path]:
-    """Return where a cache may lie, best first: the package, the user's cache, a temporary folder of the user's."""
+    """Return where a cache may lie, best first: the package, the user's cache, a temporary folder
+    of the user's.
+    """
     home = Path(os.path.expanduser("~")) / ".cache" / "workbench"
     found = [sources.PACKAGE / "__pycache__" / "numba"]
     if home.is_absolute():  # a user without a home stays "~"
@@ -58,7 +62,9 @@ def parent() -> Path:
     """Return the folder in which this process keeps compiled code."""
     settings: Any = numba.config  # its names are made at run time
     chosen = settings.CACHE_DIR
-    for place in [Path(chosen)] if chosen else _parents():  # a folder of the user's own choice is respected
+    for place in (
+        [Path(chosen)] if chosen else _parents()
+    ):  # a folder of the user's own choice is respected
         with contextlib.suppress(OSError):
             place.mkdir(parents=True, exist_ok=True, mode=0o700)
             if os.access(place, os.W_OK) and _own(place):
@@ -68,12 +74,18 @@ def parent() -> Path:
 
 def _own(place: Path) -> bool:
     """Whether nobody else can have put code into a temporary folder."""
-    return not hasattr(os, "getuid") or sources.PACKAGE in place.parents or place.stat().st_uid == os.getuid()
+    return (
+        not hasattr(os, "getuid")
+        or sources.PACKAGE in place.parents
+        or place.stat().st_uid == os.getuid()
+    )
 
 
 @functools.cache
 def folder(module: str) -> Path:
-    """Return the cache's folder of a module's compiled functions; those of its earlier sources are removed but for a few."""
+    """Return the cache's folder of a module's compiled functions; those of its earlier sources are
+    removed but for a few.
+    """
     place = parent() / f"{module}-{sources.digest(module)}"
     if not place.is_dir():
         with contextlib.suppress(OSError):
@@ -83,7 +95,9 @@ def folder(module: str) -> Path:
 
 
 def _remove_old(module: str) -> None:
-    """Remove folders of a module's earlier sources, which other processes may be removing as well."""
+    """Remove folders of a module's earlier sources, which other processes may be removing as
+    well.
+    """
     ages = []
     for path in parent().glob(f"{module}-*"):
         with contextlib.suppress(OSError):
@@ -95,7 +109,9 @@ def _remove_old(module: str) -> None:
 def compiled(function: F) -> Dispatcher[F]:
     """Return the function compiled by numba without Python objects, cached on disk."""
     settings: Any = numba.config
-    if sources.file_of(function.__module__) is None:  # nobody knows what a script's function depends on
+    if (
+        sources.file_of(function.__module__) is None
+    ):  # nobody knows what a script's function depends on
         return njit(nogil=True)(function)
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder(function.__module__))
@@ -106,13 +122,16 @@ def compiled(function: F) -> Dispatcher[F]:
 
 
 def uncompiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function as it was written, with all that it calls: for a few calls where loading compiled code costs more."""
+    """Return a function as it was written, with all that it calls: for a few calls where loading
+    compiled code costs more.
+    """
     plain = getattr(function, "py_func", function)
     known = plain.__globals__
     called = {
         name: uncompiled(known[name])
         for name in _names(plain.__code__)
-        if isinstance(known.get(name), (Dispatcher, FunctionType)) and known[name].__module__.startswith("workbench.")
+        if isinstance(known.get(name), (Dispatcher, FunctionType))
+        and known[name].__module__.startswith("workbench.")
     }
     return FunctionType(plain.__code__, known | called, plain.__name__, plain.__defaults__)
 
@@ -128,7 +147,9 @@ def _call_at(typing_context: Any, address: Any, x: Any, y: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         double = ir.DoubleType()
-        pointer = builder.inttoptr(arguments[0], ir.FunctionType(double, [double, double]).as_pointer())
+        pointer = builder.inttoptr(
+            arguments[0], ir.FunctionType(double, [double, double]).as_pointer()
+        )
         return builder.call(pointer, arguments[1:])
 
     return types.float64(types.int64, types.float64, types.float64), generate

@@ -1,7 +1,7 @@
 """Configurations: frozen dataclasses whose fields know their range, unit and meaning.
 
-A field is declared once, with everything that there is to say about it; checks, error messages, JSON and the
-documentation all follow from the declaration.
+A field is declared once, with everything that there is to say about it; checks, error messages,
+JSON and the documentation all follow from the declaration.
 
 >>> @configuration
 ... class Wheel:
@@ -15,8 +15,8 @@ Traceback (most recent call last):
     ...
 TypeError: Wheel has no field 'radius' (given 0.02); fields: radius_m; did you mean 'radius_m'?
 
-Contract: a configuration is immutable; vary it with ``dataclasses.replace``. ``to_dict`` gives plain JSON values and
-``from_dict`` reads them back to an equal configuration.
+Contract: a configuration is immutable; vary it with ``dataclasses.replace``. ``to_dict`` gives
+plain JSON values and ``from_dict`` reads them back to an equal configuration.
 """
 
 import dataclasses
@@ -39,7 +39,9 @@ class _Wrong(Exception):
 
 
 def _declare(default: Any, expected: str, doc: str, check: _Check) -> Any:
-    return dataclasses.field(default=default, metadata={"expected": expected, "doc": doc, "check": check})
+    return dataclasses.field(
+        default=default, metadata={"expected": expected, "doc": doc, "check": check}
+    )
 
 
 def _number(value: object, low: float, high: float, expected: str, whole: bool) -> int | float:
@@ -55,7 +57,9 @@ def _number(value: object, low: float, high: float, expected: str, whole: bool) 
 def real(low: float, high: float, unit: str, doc: str, *, default: float) -> Any:
     """Declare a finite number in [low, high] of the given unit."""
     expected = f"a number from {low:g} to {high:g} {unit}".rstrip()
-    return _declare(default, expected, doc, lambda value: _number(value, low, high, expected, False))
+    return _declare(
+        default, expected, doc, lambda value: _number(value, low, high, expected, False)
+    )
 
 
 def integer(low: int, high: int, unit: str, doc: str, *, default: int) -> Any:
@@ -64,7 +68,9 @@ def integer(low: int, high: int, unit: str, doc: str, *, default: int) -> Any:
     return _declare(default, expected, doc, lambda value: _number(value, low, high, expected, True))
 
 
-def _several(default: tuple[Any, ...], expected: str, doc: str, item: Callable[[object], object]) -> Any:
+def _several(
+    default: tuple[Any, ...], expected: str, doc: str, item: Callable[[object], object]
+) -> Any:
     def check(value: object) -> object:
         if not isinstance(value, (tuple, list)) or len(value) != len(default):
             raise _Wrong(expected, wrong_type=not isinstance(value, (tuple, list)))
@@ -76,7 +82,9 @@ def _several(default: tuple[Any, ...], expected: str, doc: str, item: Callable[[
 def reals(low: float, high: float, unit: str, doc: str, *, default: tuple[float, ...]) -> Any:
     """Declare a tuple of ``len(default)`` finite numbers in [low, high]."""
     expected = f"{len(default)} numbers from {low:g} to {high:g} {unit}".rstrip()
-    return _several(default, expected, doc, lambda value: _number(value, low, high, expected, False))
+    return _several(
+        default, expected, doc, lambda value: _number(value, low, high, expected, False)
+    )
 
 
 def integers(low: int, high: int, unit: str, doc: str, *, default: tuple[int, ...]) -> Any:
@@ -111,7 +119,9 @@ def flag(doc: str, *, default: bool) -> Any:
 
 
 def part(kind: type, doc: str, *, default: object) -> Any:
-    """Declare a nested configuration of the given class; a mapping is accepted too and read by ``from_dict``."""
+    """Declare a nested configuration of the given class; a mapping is accepted too and read by
+    ``from_dict``.
+    """
     expected = f"a {kind.__name__}"
 
     def check(value: object) -> object:
@@ -134,7 +144,10 @@ def _refuse_unknown(cls: type, given: Mapping[str, object]) -> None:
     for name, value in given.items():
         if name not in names:
             hint = _did_you_mean(name, names)
-            raise TypeError(f"{cls.__name__} has no field {name!r} (given {value!r}); fields: {', '.join(names)}{hint}")
+            raise TypeError(
+                f"{cls.__name__} has no field {name!r} (given {value!r}); fields: "
+                f"{', '.join(names)}{hint}"
+            )
 
 
 @dataclass_transform(
@@ -145,8 +158,9 @@ def _refuse_unknown(cls: type, given: Mapping[str, object]) -> None:
 def configuration(cls: type[T]) -> type[T]:
     """Make a class a checked, frozen, keyword-only dataclass.
 
-    Every value is checked against its declaration (ValueError for the range, TypeError for the type or an unknown
-    name); then the class's own ``_check(self)``, if it has one, judges values together.
+    Every value is checked against its declaration (ValueError for the range, TypeError for the type
+    or an unknown name); then the class's own ``_check(self)``, if it has one, judges values
+    together.
     """
 
     def __post_init__(self: Any) -> None:
@@ -157,7 +171,9 @@ def configuration(cls: type[T]) -> type[T]:
             except _Wrong as wrong:
                 kind = TypeError if wrong.wrong_type else ValueError
                 doc = field.metadata["doc"]
-                raise kind(f"{cls.__name__}.{field.name} = {value!r}; expected {wrong} ({doc})") from None
+                raise kind(
+                    f"{cls.__name__}.{field.name} = {value!r}; expected {wrong} ({doc})"
+                ) from None
             object.__setattr__(self, field.name, accepted)
         if hasattr(self, "_check"):
             self._check()
@@ -181,8 +197,12 @@ def describe(cls: type) -> str:
     lines = []
     for field in dataclasses.fields(cls):
         default = field.default
-        shown = f"{type(default).__name__}()" if dataclasses.is_dataclass(default) else repr(default)
-        lines.append(f"    {field.name} = {shown}: {field.metadata['doc']}; {field.metadata['expected']}")
+        shown = (
+            f"{type(default).__name__}()" if dataclasses.is_dataclass(default) else repr(default)
+        )
+        lines.append(
+            f"    {field.name} = {shown}: {field.metadata['doc']}; {field.metadata['expected']}"
+        )
     return "\n".join(lines)
 
 
@@ -193,7 +213,9 @@ def to_dict(config: Any) -> dict[str, Any]:
 
 
 def flat(config: Any) -> dict[str, Any]:
-    """Return a configuration as one mapping of plain values, names of nested fields with dots: "learner.alpha"."""
+    """Return a configuration as one mapping of plain values, names of nested fields with dots:
+    "learner.alpha".
+    """
     found: dict[str, Any] = {}
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)

@@ -31,5 +31,7 @@ def recordings() -> Path:
     """
     value = os.environ.get("WORKBENCH_RECORDINGS", "")
     if not value or not Path(value).is_dir():
-        raise FileNotFoundError(f"WORKBENCH_RECORDINGS is {value!r}; set it to the folder that holds the recordings")
+        raise FileNotFoundError(
+            f"WORKBENCH_RECORDINGS is {value!r}; set it to the folder that holds the recordings"
+        )
     return Path(value)

@@ -6,7 +6,8 @@
     tcp:192.168.1.20:1000        an e-puck2
     log:path/to/recording.csv    a recording, replayed; it cannot be driven
 
-The back-end is imported when it is asked for. The robot is not connected yet: use ``with``, or ``connect``.
+The back-end is imported when it is asked for. The robot is not connected yet: use ``with``, or
+``connect``.
 
 >>> open_robot("sim:").capabilities >= {"proximity", "drive"}
 True
@@ -28,7 +29,9 @@ def open_robot(url: str, **options: Any) -> Robot:
     """
     scheme, colon, address = url.partition(":")
     if scheme not in SCHEMES or not colon:
-        raise ValueError(f"robot {url!r}; expected sim:, serial:PORT, overo:PORT, tcp:HOST[:PORT] or log:FILE")
+        raise ValueError(
+            f"robot {url!r}; expected sim:, serial:PORT, overo:PORT, tcp:HOST[:PORT] or log:FILE"
+        )
     if scheme != "sim" and not address:
         raise ValueError(f"robot {url!r} has no address; expected {scheme}:ADDRESS")
     if scheme == "sim":

@@ -1,8 +1,9 @@
-"""What a piece of the package depends on: its own files, found by following imports, and a hash of them.
+"""What a piece of the package depends on: its own files, found by following imports, and a hash of
+them.
 
-Compiled code, finished trials and stored runs are only good for as long as what they were made by stays the same. Nobody keeps a
-list: imports are followed, also those inside functions, and words of the form "workbench.room.module:name", by which tables name
-what they load late.
+Compiled code, finished trials and stored runs are only good for as long as what they were made by
+stays the same. Nobody keeps a list: imports are followed, also those inside functions, and words of
+the form "workbench.room.module:name", by which tables name what they load late.
 
 >>> [path.name for path in files("workbench.robot.motors")]
 ['compiled.py', 'geometry.py', 'motors.py', 'sources.py']
@@ -26,14 +27,17 @@ PACKAGE = Path(__file__).resolve().parent
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")  # whose version decides what a run does
 _NAME = PACKAGE.name
 _IMPORTS = re.compile(
-    rf"^[ \t]*from[ \t]+({_NAME}[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n#]+)|^[ \t]*import[ \t]+({_NAME}[\w.]+)"
+    rf"^[ \t]*from[ \t]+({_NAME}[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n#]+)|^[ \t]*import[ "
+    rf"\t]+({_NAME}[\w.]+)"
     rf"|[\"']({_NAME}(?:\.\w+)+):\w+[\"']",
     re.MULTILINE,
 )
 
 
 def version(library: str) -> str:
-    """Return the version of an installed library, "unknown" where its description is not installed with it."""
+    """Return the version of an installed library, "unknown" where its description is not installed
+    with it.
+    """
     try:
         return _version(library)
     except PackageNotFoundError:
@@ -83,10 +87,12 @@ def digest(module: str) -> str:
 
 
 def digest_of(function: Callable[..., Any]) -> str:
-    """Return a short hash of everything that a function of the package depends on: code, and versions of libraries.
+    """Return a short hash of everything that a function of the package depends on: code, and
+    versions of libraries.
 
-    Of the function's own module that is what the function uses, so that a plot in the same file does not matter; of others it is
-    the whole module and what it imports. Comments and the layout of code do not matter.
+    Of the function's own module that is what the function uses, so that a plot in the same file
+    does not matter; of others it is the whole module and what it imports. Comments and the layout
+    of code do not matter.
     """
     own = importlib.import_module(function.__module__)
     tree = ast.parse(inspect.getsource(own))
@@ -103,14 +109,18 @@ def digest_of(function: Callable[..., Any]) -> str:
 
 
 def _used(tree: ast.Module, name: str) -> tuple[list[ast.AST], list[str]]:
-    """Return the statements of a module that one of its names needs, in order, and the package's modules that they import."""
+    """Return the statements of a module that one of its names needs, in order, and the package's
+    modules that they import.
+    """
     binds: dict[str, list[ast.stmt]] = {}
     always = []  # what runs on import without giving a name
     for statement in tree.body:
         names = _bound(statement)
         for bound in names:
             binds.setdefault(bound, []).append(statement)
-        if not names and not (isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)):
+        if not names and not (
+            isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+        ):
             always.append(statement)
     needed: list[ast.stmt] = []
     waiting = [*binds.get(name, []), *always]
@@ -135,7 +145,9 @@ def _bound(statement: ast.stmt) -> list[str]:
         return [(alias.asname or alias.name).split(".")[0] for alias in statement.names]
     if isinstance(statement, (ast.Assign, ast.AnnAssign, ast.AugAssign)):
         targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
-        return [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
+        return [
+            node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)
+        ]
     return []
 
 

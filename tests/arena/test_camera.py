@@ -1,4 +1,6 @@
-"""The overhead camera (N1): projection, markers in pixels, calibration errors, the tracker, the fast model beside the pixels."""
+"""The overhead camera (N1): projection, markers in pixels, calibration errors, the tracker, the
+fast model beside the pixels.
+"""
 
 import math
 from dataclasses import replace
@@ -42,12 +44,16 @@ def test_a_pose_comes_back_from_its_corners_for_every_heading():
     camera = Camera(CONFIG)
     for heading in np.linspace(-3, 3, 13):
         x, y, angle = camera.pose_of(camera.project(camera.marker_corners(0.2, -0.1, heading)))
-        assert (x, y) == pytest.approx((0.2, -0.1), abs=1e-6) and angle == pytest.approx(heading, abs=1e-6)
+        assert (x, y) == pytest.approx((0.2, -0.1), abs=1e-6) and angle == pytest.approx(
+            heading, abs=1e-6
+        )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("conditions", "found_at_least"), [("clear", 0.99), ("bad", 0.98)])
-def test_pixels_give_poses_within_a_millimetre_calibration_errors_included(conditions, found_at_least):
+def test_pixels_give_poses_within_a_millimetre_calibration_errors_included(
+    conditions, found_at_least
+):
     frames = [find_again(CameraConfig(conditions=conditions), seed, 12)[0] for seed in range(1, 11)]
     error = np.concatenate([np.hypot(frame["dx_mm"], frame["dy_mm"]) for frame in frames])
     turn = np.concatenate([frame["turn_deg"].abs() for frame in frames])
@@ -59,10 +65,15 @@ def test_markers_are_found_again_near_where_they_were_expected_and_hidden_ones_a
     rng = np.random.default_rng(2)
     camera = Camera(CONFIG)
     poses = np.array([[-0.3, 0.1, 0.4], [0.0, 0.0, 2.0], [0.35, -0.2, -1.0]])
-    frames, finder = Frames(camera, None, 3, rng), Finder(camera, 3)
+    frames = Frames(camera, None, 3, rng)
+    finder = Finder(camera, 3)
     image = frames.frame(poses, np.array([False, True, False]))
     near = {k: (pose[0] + 0.006, pose[1] - 0.006, 0.0) for k, pose in enumerate(poses)}
-    for found in (finder.find(image), finder.find(image, near), finder.find(image, {0: (0.5, 0.5, 0.0)})):
+    for found in (
+        finder.find(image),
+        finder.find(image, near),
+        finder.find(image, {0: (0.5, 0.5, 0.0)}),
+    ):
         assert sorted(found) == [0, 2]
         assert found[0] == pytest.approx(tuple(poses[0]), abs=0.02)
         assert math.dist(found[2][:2], poses[2][:2]) < 0.5e-3
@@ -101,7 +112,8 @@ def test_the_tracker_fills_short_gaps_with_the_motion_and_gives_up_after_half_a_
 
 
 def test_pictures_of_a_folder_go_through_the_same_code(tmp_path):
-    camera, poses = Camera(CONFIG), np.array([[-0.3, 0.1, 0.4], [0.3, 0.0, 2.0]])
+    camera = Camera(CONFIG)
+    poses = np.array([[-0.3, 0.1, 0.4], [0.3, 0.0, 2.0]])
     frames = Frames(camera, None, 2, np.random.default_rng(0))
     for number in range(3):
         cv2.imwrite(str(tmp_path / f"{number:03}.png"), frames.frame(poses + [0.01 * number, 0, 0]))
@@ -117,7 +129,9 @@ def test_pictures_of_a_folder_go_through_the_same_code(tmp_path):
 
 @pytest.fixture(scope="module")
 def policy() -> Policy:
-    return learn(ConvoyConfig(drive="planar", sensing="camera"), steps=60_000, progress=False).policy
+    return learn(
+        ConvoyConfig(drive="planar", sensing="camera"), steps=60_000, progress=False
+    ).policy
 
 
 @pytest.mark.slow
@@ -142,7 +156,11 @@ def test_sensed_poses_of_model_and_pixels_have_the_same_errors(conditions):
             convoy.period(t)
             rows.append(
                 [
-                    (r["mx"] - r["x"], r["my"] - r["y"], math.atan2(r["ms"], r["mc"]) - math.atan2(r["s"], r["c"]))
+                    (
+                        r["mx"] - r["x"],
+                        r["my"] - r["y"],
+                        math.atan2(r["ms"], r["mc"]) - math.atan2(r["s"], r["c"]),
+                    )
                     for r in convoy.robots[0, :2]
                 ]
             )
@@ -151,21 +169,28 @@ def test_sensed_poses_of_model_and_pixels_have_the_same_errors(conditions):
         found[..., 2] = np.angle(np.exp(1j * found[..., 2]))
         errors[sensing] = found
     middle = {sensing: np.median(found, axis=0) for sensing, found in errors.items()}
-    # the same seed has the same calibration: the systematic part agrees to 0.2 mm and 0.2°; robot 2, which stands still and whose
-    # pixels repeat their error, is left out
+    # the same seed has the same calibration: the systematic part agrees to 0.2 mm and 0.2°; robot
+    # 2, which stands still and whose pixels repeat their error, is left out
     np.testing.assert_allclose(middle["camera"][:, :2], middle["pixels"][:, :2], atol=2e-4)
     np.testing.assert_allclose(middle["camera"][:, 2], middle["pixels"][:, 2], atol=4e-3)
-    spread = {sensing: np.std(found - np.median(found, axis=0), axis=0).mean(axis=0) for sensing, found in errors.items()}
+    spread = {
+        sensing: np.std(found - np.median(found, axis=0), axis=0).mean(axis=0)
+        for sensing, found in errors.items()
+    }
     np.testing.assert_allclose(spread["camera"], spread["pixels"], rtol=0.5)
 
 
 def test_a_camera_that_shows_nothing_puts_the_predecessor_out_of_sight():
-    config = ConvoyConfig(followers=1, drive="planar", sensing="camera", camera=CameraConfig(dropout=1.0))
+    config = ConvoyConfig(
+        followers=1, drive="planar", sensing="camera", camera=CameraConfig(dropout=1.0)
+    )
     convoy = Convoy(config, [1], periods=10, policy=np.zeros((1, 81, 49)), external=1)
     convoy.period(0)
     assert convoy.robots[0, 1]["seen_distance"] == UNSEEN
 
 
 def test_dropouts_are_bridged(policy):
-    config = ConvoyConfig(drive="planar", sensing="camera", camera=CameraConfig(dropout=0.05, latency_s=0.05))
+    config = ConvoyConfig(
+        drive="planar", sensing="camera", camera=CameraConfig(dropout=0.05, latency_s=0.05)
+    )
     assert followed(policy, config, 2.0)["losses"] <= 2

@@ -16,7 +16,9 @@ def _floor(width=0.015, **kinds):
 def test_half_darkness_lies_at_the_line_s_edge(width):
     _, floor = _floor(width, judder="none")
     at = np.linspace(0.46, 0.54, 801)
-    dark = np.array([floor_darkness(floor.raster[0], floor.column0, floor.row0, x, 0.0) for x in at])
+    dark = np.array(
+        [floor_darkness(floor.raster[0], floor.column0, floor.row0, x, 0.0) for x in at]
+    )
     inside = at[dark >= 0.5]
     assert inside.max() - inside.min() == pytest.approx(width, abs=0.0006)
     assert inside.mean() == pytest.approx(0.5, abs=0.0003)
@@ -37,5 +39,7 @@ def test_floors_of_a_batch_equal_single_ones():
         alone = draw_floors([track], 0.015)
         for x, y in track.line[::50] + 0.005:
             seen = floor_darkness(both.raster[k], both.column0, both.row0, x, y)
-            assert seen == floor_darkness(alone.raster[0], alone.column0, alone.row0, x, y)  # to the last bit
+            assert seen == floor_darkness(
+                alone.raster[0], alone.column0, alone.row0, x, y
+            )  # to the last bit
     assert not np.array_equal(both.raster[0], both.raster[1])

@@ -1,4 +1,7 @@
-"""The simulated robot against exact rolling, and contact between robots. The limits stated here are the README's."""
+"""The simulated robot against exact rolling, and contact between robots.
+
+The limits stated here are the README's.
+"""
 
 import math
 
@@ -71,7 +74,8 @@ def test_a_robot_pushes_another_and_does_not_pass_through_it(drive):
     gaps = []
     for _ in range(40):
         world.step()
-        (x0, y0, _), (x1, y1, _) = world.pose(0, 0), world.pose(0, 1)
+        (x0, y0, _) = world.pose(0, 0)
+        (x1, y1, _) = world.pose(0, 1)
         gaps.append(math.hypot(x1 - x0, y1 - y0))
     overlap = 2 * geometry.BODY_RADIUS - min(gaps)
     assert overlap < {"wheels": 0.002, "planar": 0.009}[drive]

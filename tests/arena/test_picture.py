@@ -1,4 +1,6 @@
-"""Pictures of the arena: without OpenGL always, with it where there is some; both show the same scene."""
+"""Pictures of the arena: without OpenGL always, with it where there is some; both show the same
+scene.
+"""
 
 import ctypes.util
 import os
@@ -32,7 +34,8 @@ def _robots(pixels):
 
 def test_sensor_cones_lie_on_the_floor_around_the_robots_and_nowhere_else():
     world = world_of(CONFIG)
-    plain, cones = wb.picture(world), wb.picture(world, sensors=True)
+    plain = wb.picture(world)
+    cones = wb.picture(world, sensors=True)
     changed = np.any(plain != cones, axis=-1)
     assert 0.003 < changed.mean() < 0.1
     assert not np.any(changed & _robots(plain).any(axis=0))
@@ -42,15 +45,23 @@ def test_sensor_cones_lie_on_the_floor_around_the_robots_and_nowhere_else():
     assert gap.min(axis=1).max() < 40
 
 
-@pytest.mark.skipif(ctypes.util.find_library("EGL") is None, reason="no EGL library on this machine")
+@pytest.mark.skipif(
+    ctypes.util.find_library("EGL") is None, reason="no EGL library on this machine"
+)
 def test_opengl_shows_the_same_scene(tmp_path):
     environment = os.environ | {"MUJOCO_GL": "egl"}
     done = subprocess.run(
-        [sys.executable, "-c", _GL, str(tmp_path / "gl.npy")], env=environment, capture_output=True, text=True, check=False
-    )  # fmt: skip
+        [sys.executable, "-c", _GL, str(tmp_path / "gl.npy")],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
         assert "no OpenGL here" in done.stderr, done.stderr
         pytest.skip("EGL is installed and has no driver here")
-    fast, slow = (_robots(pixels) for pixels in (np.load(tmp_path / "gl.npy"), wb.picture(world_of(CONFIG))))
+    fast, slow = (
+        _robots(pixels) for pixels in (np.load(tmp_path / "gl.npy"), wb.picture(world_of(CONFIG)))
+    )
     for a, b in zip(fast, slow, strict=True):
         assert np.sum(a & b) / np.sum(a | b) > 0.75

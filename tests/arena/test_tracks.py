@@ -16,8 +16,11 @@ def _track(seed=0, **kinds):
 
 
 def _curvature(points):
-    ahead, behind = np.roll(points, -1, 0) - points, points - np.roll(points, 1, 0)
-    turn = np.arctan2(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0], (behind * ahead).sum(1))
+    ahead = np.roll(points, -1, 0) - points
+    behind = points - np.roll(points, 1, 0)
+    turn = np.arctan2(
+        behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0], (behind * ahead).sum(1)
+    )
     return turn / np.hypot(*ahead.T), turn.sum()
 
 
@@ -30,11 +33,15 @@ def test_nominal_loops_are_closed_evenly_sampled_and_turn_as_stated(shape, direc
     curvature, total = _curvature(track.nominal)
     sign = -1 if direction == "clockwise" else 1
     assert total == pytest.approx(0 if shape == "eight" else sign * 2 * math.pi, abs=1e-6)
-    smooth = np.convolve(np.tile(curvature, 3), np.ones(41) / 41, "same")[len(curvature) : -len(curvature)]
+    smooth = np.convolve(np.tile(curvature, 3), np.ones(41) / 41, "same")[
+        len(curvature) : -len(curvature)
+    ]
     assert np.abs(smooth).max() == pytest.approx(1 / track.radius_m, rel=0.01)
     if shape == "eight":
         half = len(track.nominal) // 2
-        assert np.sign(_curvature(track.nominal[:half])[0][100:-100].mean()) == sign  # the first lobe
+        assert (
+            np.sign(_curvature(track.nominal[:half])[0][100:-100].mean()) == sign
+        )  # the first lobe
 
 
 def test_eight_crosses_itself_at_a_right_angle():
@@ -63,7 +70,10 @@ def test_spectrum_judder_lies_in_its_band_only():
 
 
 def test_a_band_without_a_harmonic_is_refused():
-    with pytest.raises(ValueError, match=r"wavelengths_m = \(1.6, 2.0\): no harmonic of a loop of 3.14 m lies in this band"):
+    with pytest.raises(
+        ValueError,
+        match=r"wavelengths_m = \(1.6, 2.0\): no harmonic of a loop of 3.14 m lies in this band",
+    ):
         _track(wavelengths_m=(1.6, 2.0))
 
 

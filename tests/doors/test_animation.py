@@ -19,14 +19,24 @@ def _scene():
 
 
 def test_an_animation_has_its_pictures_at_real_speed_and_equal_bytes():
-    first, second = (animated_png(_scene(), start_s=1.0, seconds=1.0, every=2, width=96, height=72) for _ in range(2))
+    first, second = (
+        animated_png(_scene(), start_s=1.0, seconds=1.0, every=2, width=96, height=72)
+        for _ in range(2)
+    )
     assert first == second
     with Image.open(io.BytesIO(first)) as image:
-        assert (image.n_frames, image.size, image.info["duration"], image.info["loop"]) == (5, (96, 72), 200, 0)
+        assert (image.n_frames, image.size, image.info["duration"], image.info["loop"]) == (
+            5,
+            (96, 72),
+            200,
+            0,
+        )
         image.seek(0)
         start = image.convert("RGB").tobytes()
         red, green, blue = np.moveaxis(np.asarray(image.convert("RGB")).astype(int), -1, 0)
-        assert np.sum(red - blue > 80) > 5 and np.sum(blue - red > 80) > 10  # the leader is red, followers are blue
+        assert (
+            np.sum(red - blue > 80) > 5 and np.sum(blue - red > 80) > 10
+        )  # the leader is red, followers are blue
         image.seek(4)
         assert image.convert("RGB").tobytes() != start
 

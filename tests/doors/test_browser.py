@@ -1,4 +1,5 @@
-"""JupyterLab as people use it: a real server, a real Chromium, the first notebook from top to bottom, and the static pages.
+"""JupyterLab as people use it: a real server, a real Chromium, the first notebook from top to
+bottom, and the static pages.
 
 Where there is no Chromium the tests are left out, and say so. Screenshots are in runs/browser/.
 """
@@ -19,21 +20,33 @@ import pytest
 
 from workbench import paths
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-WHY = "BROWSER TESTS: no chromium on this machine; install Debian's package chromium (or google-chrome) to run them"
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+WHY = (
+    "BROWSER TESTS: no chromium on this machine; install Debian's package chromium (or "
+    "google-chrome) to run them"
+)
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason=WHY),
     pytest.mark.filterwarnings("default"),  # playwright's event loop and the server's sockets
 ]
 FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-]  # fmt: skip
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
 SHOTS = paths.RUNS / "browser"
 TOKEN = "workbench-test"
 MOVING_S = 8.0  # seconds over which frames and load are measured
-OUTSIDE = re.compile(r"net::ERR_|Failed to load resource")  # a page asks the network for something: nothing that we need
+OUTSIDE = re.compile(
+    r"net::ERR_|Failed to load resource"
+)  # a page asks the network for something: nothing that we need
 
 
 @contextlib.contextmanager
@@ -63,15 +76,27 @@ def lab(tmp_path_factory):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     environment = {key: value for key, value in os.environ.items() if key != "WORKBENCH_STATIC"} | {
-        "WORKBENCH_QUICK": "1", "JUPYTER_CONFIG_DIR": str(folder / "config"), "JUPYTER_DATA_DIR": str(folder / "data"),
-    }  # fmt: skip
+        "WORKBENCH_QUICK": "1",
+        "JUPYTER_CONFIG_DIR": str(folder / "config"),
+        "JUPYTER_DATA_DIR": str(folder / "data"),
+    }
     command = [
-        sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", f"--port={port}", "--port-retries=0",
-        f"--IdentityProvider.token={TOKEN}", f"--ServerApp.root_dir={folder}",
-        "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate", "--LabApp.news_url=None",
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "jupyterlab",
+        "--no-browser",
+        "--allow-root",
+        f"--port={port}",
+        "--port-retries=0",
+        f"--IdentityProvider.token={TOKEN}",
+        f"--ServerApp.root_dir={folder}",
+        "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate",
+        "--LabApp.news_url=None",
+    ]
     with open(folder / "server.log", "w") as log:
-        server = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+        server = subprocess.Popen(
+            command, env=environment, stdout=log, stderr=subprocess.STDOUT, start_new_session=True
+        )
     try:
         for _ in range(300):
             with socket.socket() as probe:
@@ -90,9 +115,10 @@ def lab(tmp_path_factory):
 
 def _kernel(server):
     [kernel] = [
-        child for child in psutil.Process(server.pid).children(recursive=True)
+        child
+        for child in psutil.Process(server.pid).children(recursive=True)
         if any("ipykernel_launcher" in part for part in child.cmdline())
-    ]  # fmt: skip
+    ]
     return kernel
 
 
@@ -108,7 +134,9 @@ def _prompts(page):
 
 
 def _open_and_run(page, url, server):
-    """Open the notebook and run all its cells; a page whose connection to the kernel got lost at the start is loaded again."""
+    """Open the notebook and run all its cells; a page whose connection to the kernel got lost at
+    the start is loaded again.
+    """
     for _ in range(4):
         page.goto(url)
         page.wait_for_selector(".jp-Notebook .jp-CodeCell")
@@ -117,7 +145,11 @@ def _open_and_run(page, url, server):
         page.get_by_role("menuitem", name="Run", exact=True).click()
         page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
         with contextlib.suppress(AssertionError):
-            _wait_for(lambda: sum(_kernel(server).cpu_times()[:2]) > 2.0, 40, "the kernel importing the workbench")
+            _wait_for(
+                lambda: sum(_kernel(server).cpu_times()[:2]) > 2.0,
+                40,
+                "the kernel importing the workbench",
+            )
             return
     raise AssertionError("the kernel did nothing in four attempts")
 
@@ -141,10 +173,23 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
     server, address, folder = lab
     with _page() as (page, errors):
         _open_and_run(page, f"{address}/lab/tree/00_start_here.ipynb?token={TOKEN}", server)
-        code = [cell for cell in nbformat.read(folder / "00_start_here.ipynb", 4).cells if cell.cell_type == "code"]
+        code = [
+            cell
+            for cell in nbformat.read(folder / "00_start_here.ipynb", 4).cells
+            if cell.cell_type == "code"
+        ]
         done = f"[{len(code)}]:"
-        _wait_for(lambda: done in _prompts(page) and "[*]:" not in _prompts(page), 480, "running all cells")  # compiles once
-        assert page.locator(".jp-OutputArea-output[data-mime-type='application/vnd.jupyter.error']").count() == 0
+        _wait_for(
+            lambda: done in _prompts(page) and "[*]:" not in _prompts(page),
+            480,
+            "running all cells",
+        )  # compiles once
+        assert (
+            page.locator(
+                ".jp-OutputArea-output[data-mime-type='application/vnd.jupyter.error']"
+            ).count()
+            == 0
+        )
         arenas = page.locator(".wba")
         assert arenas.count() == 3 and page.locator("img.widget-image").count() == 3
         learning, driven, replayed = (arenas.nth(k) for k in range(3))
@@ -156,7 +201,10 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         load = _load(_kernel(server), MOVING_S)
         frames = _number(learning, "frames-per-second")
         with capsys.disabled():
-            print(f"\nlive arena, five robots: {frames:.0f} frames/s, kernel load {100 * load:.0f} % of a core")
+            print(
+                f"\nlive arena, five robots: {frames:.0f} frames/s, kernel load "
+                f"{100 * load:.0f} % of a core"
+            )
         assert frames > 0
         page.screenshot(path=SHOTS / "1_learning.png")
 
@@ -164,7 +212,8 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         page.locator("[data-command='notebook:interrupt-kernel']").first.click()
         driven.scroll_into_view_if_needed()
         driven.locator("canvas").first.click(position={"x": 30, "y": 30})
-        start, before = _leader(driven), _number(learning, "periods")
+        start = _leader(driven)
+        before = _number(learning, "periods")
         page.keyboard.down("ArrowUp")
         page.keyboard.down("a")
         page.wait_for_timeout(1500)
@@ -172,7 +221,11 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         page.wait_for_timeout(4500)
         page.screenshot(path=SHOTS / "2_driven.png")
         page.keyboard.up("ArrowUp")
-        _wait_for(lambda: sum((a - b) ** 2 for a, b in zip(_leader(driven), start, strict=True)) > 0.2**2, 5, "keys driving")
+        _wait_for(
+            lambda: sum((a - b) ** 2 for a, b in zip(_leader(driven), start, strict=True)) > 0.2**2,
+            5,
+            "keys driving",
+        )
         assert _number(learning, "periods") > before + 20
         page.wait_for_timeout(3000)
         stopped = _leader(driven)
@@ -186,7 +239,9 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         page.mouse.move(stick["x"] + 40, stick["y"] + 8)
         page.wait_for_timeout(4000)
         page.mouse.up()
-        _wait_for(lambda: _leader(driven) != pytest.approx(stopped, abs=0.05), 5, "the joystick driving")
+        _wait_for(
+            lambda: _leader(driven) != pytest.approx(stopped, abs=0.05), 5, "the joystick driving"
+        )
         driven.locator(".save").click()
         _wait_for(lambda: "saved" in driven.locator(".said").inner_text(), 30, "saving the drive")
 
@@ -199,7 +254,10 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         last = replayed.locator("canvas").first.screenshot()
         replayed.locator(".scrub").fill("30")
         page.wait_for_timeout(300)
-        assert replayed.locator(".clock").inner_text() == "3.0 s" and replayed.locator("canvas").first.screenshot() != last
+        assert (
+            replayed.locator(".clock").inner_text() == "3.0 s"
+            and replayed.locator("canvas").first.screenshot() != last
+        )
 
         # sliders change pictures
         for number in range(3):
@@ -210,7 +268,9 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
             box.locator(".noUi-handle").first.focus()
             page.keyboard.press("ArrowLeft")
             _wait_for(
-                lambda shown=shown, picture=picture: shown.get_attribute("src") != picture, 20, "a slider changing its picture"
+                lambda shown=shown, picture=picture: shown.get_attribute("src") != picture,
+                20,
+                "a slider changing its picture",
             )
             page.screenshot(path=SHOTS / f"3_panel_{number}.png")
 
@@ -236,7 +296,9 @@ def narrow():
         yield found
 
 
-@pytest.mark.parametrize("path", sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb")), ids=lambda path: path.stem
+)
 def test_a_static_page_of_every_notebook_shows_every_picture_at_700_pixels(path, tmp_path, narrow):
     from nbconvert import HTMLExporter
 
@@ -250,7 +312,9 @@ def test_a_static_page_of_every_notebook_shows_every_picture_at_700_pixels(path,
     page.goto(Path(page_file).as_uri(), wait_until="domcontentloaded")
     images = page.locator(".jp-OutputArea-output img")
     assert images.count() == pictures > 0
-    boxes = images.evaluate_all("all => all.map(i => [i.complete && i.naturalWidth > 100, i.getBoundingClientRect().right])")
+    boxes = images.evaluate_all(
+        "all => all.map(i => [i.complete && i.naturalWidth > 100, i.getBoundingClientRect().right])"
+    )
     assert all(whole and right <= 700 for whole, right in boxes)
     assert page.locator(".jupyter-widgets").count() == 0
     assert not any("widget" in kind for out in outputs for kind in out.get("data", {}))

@@ -1,4 +1,6 @@
-"""Environments for others' learners: the libraries' own checks, and what our own follower would have seen and earned."""
+"""Environments for others' learners: the libraries' own checks, and what our own follower would
+have seen and earned.
+"""
 
 import math
 import warnings
@@ -18,7 +20,11 @@ from workbench.robot.description import RobotConfig
 
 PLANAR = wb.ConvoyConfig(drive="planar")
 INFRARED = replace(wb.SETTINGS["infrared"], drive="planar")
-KINDS = [(seen, actions) for seen in ("errors", "tiles", "infrared") for actions in ("discrete", "continuous")]
+KINDS = [
+    (seen, actions)
+    for seen in ("errors", "tiles", "infrared")
+    for actions in ("discrete", "continuous")
+]
 
 
 @pytest.mark.parametrize(("observation", "actions"), KINDS)
@@ -39,7 +45,9 @@ def test_registered_ids_make_environments_that_pass_with_their_pictures(name):
     assert env.unwrapped.config.drive == ("planar" if name.endswith("Follow-v0") else "wheels")
     env.reset(seed=1)
     assert env.render().shape == (240, 320, 3)
-    vector = gymnasium.make_vec(name, num_envs=3, vectorization_mode="vector_entry_point", render_mode="rgb_array")
+    vector = gymnasium.make_vec(
+        name, num_envs=3, vectorization_mode="vector_entry_point", render_mode="rgb_array"
+    )
     seen, _ = vector.reset(seed=1)
     assert [shown.shape for shown in vector.render()] == [(240, 320, 3)] * 3
     assert isinstance(vector.unwrapped, FollowVectorEnv) and seen.shape == (3, 2)
@@ -59,15 +67,19 @@ def test_equal_seeds_and_actions_give_equal_episodes_and_other_seeds_others():
             earned.append(reward)
         return np.array(seen), np.array(earned)
 
-    first, again, other = play(1), play(1), play(2)
+    first = play(1)
+    again = play(1)
+    other = play(2)
     np.testing.assert_array_equal(first[0], again[0])
     np.testing.assert_array_equal(first[1], again[1])
     assert np.mean(first[0] == other[0]) < 0.1
 
 
 def test_a_formation_does_the_same_alone_as_through_the_single_environment():
-    env, vector = wb.FollowEnv(PLANAR, observation="tiles"), FollowVectorEnv(1, PLANAR, observation="tiles")
-    state, (states, _) = env.reset(seed=5)[0], vector.reset(seed=5)
+    env = wb.FollowEnv(PLANAR, observation="tiles")
+    vector = FollowVectorEnv(1, PLANAR, observation="tiles")
+    state = env.reset(seed=5)[0]
+    (states, _) = vector.reset(seed=5)
     assert state == states[0]
     for action in (0, 24, 48, 24, 24, 6, 42, 24):
         state, reward, *_ = env.step(action)
@@ -78,7 +90,8 @@ def test_a_formation_does_the_same_alone_as_through_the_single_environment():
 def test_reward_state_and_end_are_those_of_the_errors_that_are_seen():
     env = wb.FollowEnv(PLANAR)
     (u, v), _ = env.reset(seed=2)
-    done, steps = False, 0
+    done = False
+    steps = 0
     while not done:
         (u, v), reward, done, truncated, _ = env.step(0)  # slowest: the leader drives away
         steps += 1
@@ -155,18 +168,21 @@ def _camera(**options):
     ids=["every third picture", "a third hidden", "noise", "infrared"],
 )
 def test_every_episode_begins_with_the_leader_in_sight(config):
-    env, vector = wb.FollowEnv(config), FollowVectorEnv(4, config)
+    env = wb.FollowEnv(config)
+    vector = FollowVectorEnv(4, config)
     env.reset(seed=1)
     for _ in range(60):
         (u, v), _ = env.reset()
         assert abs(u) < 1 and abs(v) < 1
         assert env.step(24)[1] != 0.0
     vector.reset(seed=1)
-    ended, begun = np.zeros(4, bool), 0
+    ended = np.zeros(4, bool)
+    begun = 0
     for _ in range(150):
         seen, _, lost, cut, _ = vector.step(np.where(np.arange(4) % 2, 24, 0))
         assert np.all(np.abs(seen[ended]) < 1) and not np.any((lost | cut)[ended])
-        begun, ended = begun + int(ended.sum()), lost | cut
+        begun = begun + int(ended.sum())
+        ended = lost | cut
     assert begun > 4
 
 
@@ -188,7 +204,11 @@ def test_noise_is_drawn_anew_at_a_reset():
 
     def error(seen):
         (x, y), (ahead_x, ahead_y) = (env.convoy.world.pose(0, robot)[:2] for robot in (1, 0))
-        return float(seen[0]) * PLANAR.half_range_m + PLANAR.middle_m - np.hypot(ahead_x - x, ahead_y - y)
+        return (
+            float(seen[0]) * PLANAR.half_range_m
+            + PLANAR.middle_m
+            - np.hypot(ahead_x - x, ahead_y - y)
+        )
 
     pairs = []
     for _ in range(60):
@@ -198,7 +218,9 @@ def test_noise_is_drawn_anew_at_a_reset():
 
 
 def test_physics_that_became_unstable_stops_the_environment():
-    wild = wb.ConvoyConfig().with_robot(RobotConfig(mass_kg=500.0, inertia_kg_m2=(1e-7, 1e-7, 1e-7)))
+    wild = wb.ConvoyConfig().with_robot(
+        RobotConfig(mass_kg=500.0, inertia_kg_m2=(1e-7, 1e-7, 1e-7))
+    )
     env = FollowVectorEnv(2, wild)
     env.reset(seed=1)
     with pytest.raises(RuntimeError, match="the physics became unstable"):
@@ -244,7 +266,9 @@ def test_what_has_not_begun_or_is_over_says_so():
 
 def test_a_reward_that_fails_says_where_at_once_and_is_forgotten_at_a_reset():
     def sudden(u, v):
-        return math.nan if u > 0.3 and 0.1 < (u * 50.0) % 1.0 < 0.9 else -u * u  # between the points of the grid
+        return (
+            math.nan if u > 0.3 and 0.1 < (u * 50.0) % 1.0 < 0.9 else -u * u
+        )  # between the points of the grid
 
     env = wb.FollowEnv(PLANAR, reward=sudden)
     env.reset(seed=2)
@@ -264,9 +288,15 @@ def test_a_restart_of_the_simulation_is_not_for_environments():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"observation": "pixels"}, "observation = 'pixels'; expected one of 'errors', 'tiles', 'infrared'"),
+        (
+            {"observation": "pixels"},
+            "observation = 'pixels'; expected one of 'errors', 'tiles', 'infrared'",
+        ),
         ({"actions": "torque"}, "actions = 'torque'; expected one of 'discrete', 'continuous'"),
-        ({"observation": "infrared"}, "with sensing = 'truth'; expected sensing = 'ir-metric' or 'ir-raw'"),
+        (
+            {"observation": "infrared"},
+            "with sensing = 'truth'; expected sensing = 'ir-metric' or 'ir-raw'",
+        ),
         ({"seconds": 0.0}, "seconds = 0.0; expected at least 1, and more than 0"),
         ({"render_mode": "human"}, "render_mode = 'human'; expected None or 'rgb_array'"),
     ],

@@ -1,4 +1,6 @@
-"""Panels: pure functions draw, controls only pass values on, and the static twin is the picture of the first values."""
+"""Panels: pure functions draw, controls only pass values on, and the static twin is the picture of
+the first values.
+"""
 
 import re
 
@@ -8,7 +10,13 @@ from IPython.display import Image
 
 import workbench as wb
 from workbench.doors import panels
-from workbench.doors.explorers import History, infrared_explorer, learn_history, learning_explorer, tile_explorer
+from workbench.doors.explorers import (
+    History,
+    infrared_explorer,
+    learn_history,
+    learning_explorer,
+    tile_explorer,
+)
 from workbench.doors.panels import Choice, Slider, infrared_panel, learning_panel, panel, tile_panel
 from workbench.study.figures import png
 
@@ -58,7 +66,10 @@ def test_a_darker_cup_is_taken_for_one_that_is_farther_away():
 
 
 def test_the_tile_explorer_says_how_large_the_middle_tile_is():
-    assert "81 states, 81 rows of the table; middle tile 15.6 mm × 10.0°" in tile_explorer().get_suptitle()
+    assert (
+        "81 states, 81 rows of the table; middle tile 15.6 mm × 10.0°"
+        in tile_explorer().get_suptitle()
+    )
     assert "25 states, 133 rows" in tile_explorer("logarithmic", 5, 5, 3.0, 4).get_suptitle()
     assert "middle tile 6.0 mm × 4.0°" in tile_explorer("logarithmic", 5, 5, 3.0, 4).get_suptitle()
 
@@ -72,9 +83,10 @@ def test_without_a_page_a_panel_is_its_static_twin(history):
 
 def test_a_control_draws_anew_and_shows_the_first_picture_as_the_twin_does(live, history):
     for made, twin, change in (
-        (tile_panel(), tile_explorer(), (1, 5)), (infrared_panel(), infrared_explorer(), (1, -10)),
+        (tile_panel(), tile_explorer(), (1, 5)),
+        (infrared_panel(), infrared_explorer(), (1, -10)),
         (learning_panel(history), learning_explorer(history), (0, 1)),
-    ):  # fmt: skip
+    ):
         shown = made.children[-1]
         assert shown.value == png(twin)
         number, value = change
@@ -86,15 +98,22 @@ def test_a_control_draws_anew_and_shows_the_first_picture_as_the_twin_does(live,
 
 
 def test_a_combination_that_cannot_be_is_explained_and_the_picture_stays(live):
-    made = panel(tile_explorer, spacing=Choice(("logarithmic",)), distance_tiles=Slider(3, 16, 1, 9))
+    made = panel(
+        tile_explorer, spacing=Choice(("logarithmic",)), distance_tiles=Slider(3, 16, 1, 9)
+    )
     before = made.children[-1].value
     made.children[1].value = 8
-    assert "ConvoyConfig.state_tiles = (8, 9)" in made.children[-2].value and made.children[-1].value == before
+    assert (
+        "ConvoyConfig.state_tiles = (8, 9)" in made.children[-2].value
+        and made.children[-1].value == before
+    )
     made.children[1].value = 7
     assert made.children[-2].value == "" and made.children[-1].value != before
 
 
 def test_unknown_views_are_refused(history):
     assert isinstance(history, History)
-    with pytest.raises(ValueError, match="show = 'traces'; expected one of 'visits', 'values', 'actions', 'all'"):
+    with pytest.raises(
+        ValueError, match="show = 'traces'; expected one of 'visits', 'values', 'actions', 'all'"
+    ):
         learning_explorer(history, show="traces")

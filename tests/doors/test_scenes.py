@@ -35,7 +35,8 @@ def _slalom(scene, periods):
 
 
 def test_a_leader_by_hand_is_no_faster_than_its_followers_and_speeds_up_gently():
-    helm, before = Helm(STOPPING), 0.0
+    helm = Helm(STOPPING)
+    before = 0.0
     for _ in range(30):
         left, right = helm.steer(0.0, 1.0)
         speed, turn = twist(left, right)
@@ -67,7 +68,9 @@ def test_a_large_robot_has_a_helm_of_its_own():
     helm = Helm(STOPPING.with_robot(load_robot("large")))
     for _ in range(30):
         left, _ = helm.steer(0.0, 1.0)
-    assert left * load_robot("large").step_m == pytest.approx(0.06 * load_robot("large").most_mps / 0.1288, rel=0.01)
+    assert left * load_robot("large").step_m == pytest.approx(
+        0.06 * load_robot("large").most_mps / 0.1288, rel=0.01
+    )
 
 
 # --- scenes
@@ -108,15 +111,25 @@ def test_restart_begins_again_with_the_same_numbers():
 @pytest.mark.parametrize("learn", [0, 3_000])
 def test_a_drive_is_saved_and_driven_again_to_the_last_bit(tmp_path, learn):
     run = wb.learn(STOPPING, steps=20_000, progress=False)
-    scene = _slalom(LiveScene(STOPPING.with_seed(4), policy=run.policy, learn=learn, drive=True), 120)
+    scene = _slalom(
+        LiveScene(STOPPING.with_seed(4), policy=run.policy, learn=learn, drive=True), 120
+    )
     path = scene.save_drive(tmp_path / "drive.csv")
     recording = load_recording(path)
-    assert recording.summary()["rows"] == 120 and not recording.header["real"] and recording.header["complete"]
+    assert (
+        recording.summary()["rows"] == 120
+        and not recording.header["real"]
+        and recording.header["complete"]
+    )
     assert {"proximity", "floor", "motor_position"} <= set(recording.sensors)
     config, commands = load_drive(path)
     again = scene_of(path, run.policy, learn=learn)
     np.testing.assert_array_equal(again.advance(500), scene.frames)
-    assert config == scene.config and commands.tolist() == [list(pair) for pair in scene.commands] and again.ended
+    assert (
+        config == scene.config
+        and commands.tolist() == [list(pair) for pair in scene.commands]
+        and again.ended
+    )
     with pytest.raises(FileExistsError, match="never overwritten"):
         scene.save_drive(path)
 
@@ -132,7 +145,11 @@ def test_a_drive_of_a_scene_that_was_changed_by_hand_is_not_saved(tmp_path):
 
 def test_a_drive_of_large_fast_robots_can_be_read_again(tmp_path):
     large = load_robot("large")
-    config = replace(STOPPING.with_robot(large), wheel_speed_mps=(0.0, large.most_mps), leader_speed_mps=0.9 * large.most_mps)
+    config = replace(
+        STOPPING.with_robot(large),
+        wheel_speed_mps=(0.0, large.most_mps),
+        leader_speed_mps=0.9 * large.most_mps,
+    )
     scene = LiveScene(config, law=CarrotPI(), drive=True)
     scene.steer(0.3, 1.0)
     scene.advance(80)
@@ -142,7 +159,8 @@ def test_a_drive_of_large_fast_robots_can_be_read_again(tmp_path):
 
 def test_frames_commands_and_time_agree_after_an_interrupt(monkeypatch):
     scene = LiveScene(STOPPING, law=CarrotPI(), drive=True)
-    step, count = scene.convoy.world.step, [0]
+    step = scene.convoy.world.step
+    count = [0]
 
     def interrupted():
         count[0] += 1
@@ -160,7 +178,9 @@ def test_frames_commands_and_time_agree_after_an_interrupt(monkeypatch):
 
 def test_other_followers_can_be_judged_on_the_same_road(tmp_path):
     scene = _slalom(LiveScene(STOPPING, law=CarrotPI(), drive=True), 80)
-    other = scene_of(scene.save_drive(tmp_path / "drive.csv"), wb.OwnLaw(function=lambda d, b: (d - 0.1, 2 * b)))
+    other = scene_of(
+        scene.save_drive(tmp_path / "drive.csv"), wb.OwnLaw(function=lambda d, b: (d - 0.1, 2 * b))
+    )
     frames = other.advance(80)
     np.testing.assert_array_equal(frames[:, 0, :3], scene.frames[:, 0, :3])
     assert not np.array_equal(frames[:, 1], scene.frames[:, 1])
@@ -185,7 +205,10 @@ def test_pictures_of_scenes_have_every_robot_and_the_time():
     scene = LiveScene(PLANAR, law=CarrotPI())
     scene.advance(50)
     ax = draw_scene(scene, 20)
-    assert "2.0 s" in ax.get_title(loc="left") and len([text for text in ax.texts if text.get_text() in "L1234"]) == 5
+    assert (
+        "2.0 s" in ax.get_title(loc="left")
+        and len([text for text in ax.texts if text.get_text() in "L1234"]) == 5
+    )
     with pytest.raises(IndexError, match="t = 50; the scene has 50 frames"):
         draw_scene(scene, 50)
     assert still(LiveScene(STOPPING, law=CarrotPI(), drive=True), 3.0).data[:4] == b"\x89PNG"
@@ -196,22 +219,56 @@ def test_pictures_of_scenes_have_every_robot_and_the_time():
     [
         (lambda: LiveScene(PLANAR, learn=-1), ValueError, "learn = -1"),
         (lambda: LiveScene(PLANAR, learn=2.5), ValueError, "learn = 2.5.* expected a whole number"),
-        (lambda: LiveScene(replace(PLANAR, reset="restart"), drive=True), ValueError, "expected 'manoeuvre'"),
-        (lambda: LiveScene(PLANAR, commands=[(1, 2, 3)]), ValueError, r"commands have shape \(1, 3\); expected \(T, 2\)"),
-        (lambda: LiveScene(PLANAR, commands=[(1, 2000)]), ValueError, "whole steps/s from -1000 to 1000"),
-        (lambda: wb.play(PLANAR, folder="nowhere"), FileNotFoundError, "folder = 'nowhere' does not exist"),
-        (lambda: LiveScene(PLANAR, law=CarrotPI(), learn=10), ValueError, "no law where they learn"),
+        (
+            lambda: LiveScene(replace(PLANAR, reset="restart"), drive=True),
+            ValueError,
+            "expected 'manoeuvre'",
+        ),
+        (
+            lambda: LiveScene(PLANAR, commands=[(1, 2, 3)]),
+            ValueError,
+            r"commands have shape \(1, 3\); expected \(T, 2\)",
+        ),
+        (
+            lambda: LiveScene(PLANAR, commands=[(1, 2000)]),
+            ValueError,
+            "whole steps/s from -1000 to 1000",
+        ),
+        (
+            lambda: wb.play(PLANAR, folder="nowhere"),
+            FileNotFoundError,
+            "folder = 'nowhere' does not exist",
+        ),
+        (
+            lambda: LiveScene(PLANAR, law=CarrotPI(), learn=10),
+            ValueError,
+            "no law where they learn",
+        ),
         (lambda: scene_of(3), TypeError, "source is a int; expected a configuration, a run"),
         (lambda: scene_of("nowhere.csv"), FileNotFoundError, "nowhere.csv does not exist"),
-        (lambda: scene_of("nowhere.csv", drive=True), ValueError, "drive = True with a recorded drive"),
-        (lambda: scene_of(PLANAR, "carrot"), TypeError, "expected the policy of a run"),
-        (lambda: LiveScene(PLANAR, drive=True).save_drive("x.csv"), ValueError, "nobody has driven yet"),
         (
-            lambda: LiveScene(replace(PLANAR, compute_time_s=0.04, learner=LearnerConfig(buffer=False))),
+            lambda: scene_of("nowhere.csv", drive=True),
+            ValueError,
+            "drive = True with a recorded drive",
+        ),
+        (lambda: scene_of(PLANAR, "carrot"), TypeError, "expected the policy of a run"),
+        (
+            lambda: LiveScene(PLANAR, drive=True).save_drive("x.csv"),
+            ValueError,
+            "nobody has driven yet",
+        ),
+        (
+            lambda: LiveScene(
+                replace(PLANAR, compute_time_s=0.04, learner=LearnerConfig(buffer=False))
+            ),
             ValueError,
             "expected learner.buffer = True",
         ),
-        (lambda: load_drive("data/recordings/emulated_overo_following.csv"), ValueError, "no drive of a leader by hand"),
+        (
+            lambda: load_drive("data/recordings/emulated_overo_following.csv"),
+            ValueError,
+            "no drive of a leader by hand",
+        ),
     ],
 )
 def test_what_cannot_be_shown_is_refused(call, error, message, monkeypatch):
@@ -227,7 +284,8 @@ class _Ear:
     """What a page would hear."""
 
     def __init__(self, arena):
-        self.arena, self.said = arena, []
+        self.arena = arena
+        self.said = []
         arena.send = lambda message, buffers=(): self.said.append((message, buffers))
 
     def tell(self, **message):
@@ -242,8 +300,13 @@ class _Ear:
 
 def _advance(periods, have, generation=1, turn=0.0, speed=0.0):
     return {
-        "type": "advance", "periods": periods, "turn": turn, "speed": speed, "generation": generation, "have": have
-    }  # fmt: skip
+        "type": "advance",
+        "periods": periods,
+        "turn": turn,
+        "speed": speed,
+        "generation": generation,
+        "have": have,
+    }
 
 
 def test_the_page_gets_the_frames_that_it_asks_for_and_two_pages_the_same_ones():
@@ -272,7 +335,9 @@ def test_a_page_that_slept_through_a_restart_begins_anew():
 def test_a_long_history_comes_in_pieces():
     run = wb.learn(PLANAR, steps=12_000, progress=False)
     said = _Ear(Arena(StoredScene.of_run(run))).tell(type="history")
-    assert [head["first"] for head, _ in said] == [0, CHUNK] and all(head["over"] for head, _ in said)
+    assert [head["first"] for head, _ in said] == [0, CHUNK] and all(
+        head["over"] for head, _ in said
+    )
 
 
 def test_a_page_that_looks_on_does_not_take_the_wheel():
@@ -309,7 +374,8 @@ def test_whatever_goes_wrong_the_page_hears_of_it():
 
 def test_divergence_is_said_on_the_page_and_stops_it():
     wild = replace(PLANAR, learner=LearnerConfig(alpha=1.0, eta=100.0, lam=0.0, gamma=0.9))
-    ear, have = _Ear(Arena(LiveScene(wild, learn=10**6))), 1
+    ear = _Ear(Arena(LiveScene(wild, learn=10**6)))
+    have = 1
     ear.tell(type="history")
     for _ in range(500):
         [(head, _)] = ear.tell(**_advance(200, have))
@@ -320,7 +386,8 @@ def test_divergence_is_said_on_the_page_and_stops_it():
 
 
 def test_an_interrupt_waits_until_the_period_is_whole():
-    happened, before = [], signal.signal(signal.SIGINT, signal.default_int_handler)
+    happened = []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt), whole():
         signal.raise_signal(signal.SIGINT)
         happened.append("after the signal")

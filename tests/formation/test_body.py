@@ -30,7 +30,12 @@ def _block(config, periods=300, policy=None):
 @pytest.mark.parametrize("sensing", ["truth", "camera", "ir-raw"])
 def test_a_nominal_body_changes_nothing_and_is_the_default(sensing):
     assert BASE.body.nominal and BodyConfig(delay=0).nominal and not WORN.nominal
-    config = replace(wb.SETTINGS["infrared"] if sensing == "ir-raw" else BASE, followers=2, drive="planar", sensing=sensing)
+    config = replace(
+        wb.SETTINGS["infrared"] if sensing == "ir-raw" else BASE,
+        followers=2,
+        drive="planar",
+        sensing=sensing,
+    )
     plain, _ = _block(config)
     late = BodyConfig(missed=1e-12)  # everything switched on, nothing of it in effect
     same, _ = _block(replace(config, body=late))
@@ -45,7 +50,8 @@ def test_wheels_and_axles_do_what_geometry_says(name):
     with SimulatedRobot(config.with_seed(4)) as robot:
         robot.step()
         record = robot.convoy.robots[0, 1]
-        wheel, axle = float(record["wheel"]), float(record["axle"])
+        wheel = float(record["wheel"])
+        axle = float(record["axle"])
         assert abs(wheel - 1) > 0.01 and abs(axle - 1) > 0.01
         robot.set_motors_speed(200, 350)
         for _ in range(10):  # out of the first acceleration
@@ -56,7 +62,9 @@ def test_wheels_and_axles_do_what_geometry_says(name):
         x1, y1, h1 = robot.pose()
     turned = (h1 - h0) % (2 * math.pi)
     left, right = motor_speed(200) * STEP, motor_speed(350) * STEP
-    assert turned == pytest.approx(wheel * (right - left) / (TRACK * axle) * 20 * CONTROL_PERIOD, rel=0.02)
+    assert turned == pytest.approx(
+        wheel * (right - left) / (TRACK * axle) * 20 * CONTROL_PERIOD, rel=0.02
+    )
     chord = math.hypot(x1 - x0, y1 - y0) * (turned / 2) / math.sin(turned / 2)  # length of the arc
     assert chord == pytest.approx(wheel * (left + right) / 2 * 20 * CONTROL_PERIOD, rel=0.02)
 
@@ -71,7 +79,9 @@ def test_commands_arrive_as_many_periods_late_as_asked(delay):
         for _ in range(6):
             robot.step()
             moved.append(math.dist(robot.pose()[:2], (x, y)))
-    assert all(distance < 1e-4 for distance in moved[:delay]) and all(distance > 1e-3 for distance in moved[delay:])
+    assert all(distance < 1e-4 for distance in moved[:delay]) and all(
+        distance > 1e-3 for distance in moved[delay:]
+    )
 
 
 def test_slip_only_ever_takes_speed_and_as_much_as_asked():
@@ -92,7 +102,9 @@ def test_slip_only_ever_takes_speed_and_as_much_as_asked():
 @pytest.mark.parametrize("sensing", ["truth", "ir-metric", "ir-raw", "camera"])
 def test_where_no_reading_arrives_the_last_one_counts(sensing):
     base = wb.SETTINGS["infrared"] if sensing.startswith("ir") else BASE
-    config = replace(base, followers=1, drive="planar", sensing=sensing, body=BodyConfig(missed=0.5))
+    config = replace(
+        base, followers=1, drive="planar", sensing=sensing, body=BodyConfig(missed=0.5)
+    )
     block, _ = _block(config, 600)
     followed = block[block["state"][:, 1] >= 0][:, 1]
     again = np.mean(followed["distance_error"][1:] == followed["distance_error"][:-1])
@@ -105,9 +117,12 @@ def test_where_no_reading_arrives_the_last_one_counts(sensing):
 @pytest.mark.parametrize("sensing", ["ir-raw", "ir-metric"])
 @pytest.mark.parametrize("protocol", [None, "overo"])
 def test_through_the_api_a_worn_robot_does_what_it_does_in_the_convoy(sensing, protocol):
-    config = replace(wb.SETTINGS["infrared"], followers=1, drive="planar", sensing=sensing, body=WORN, seed=5)
+    config = replace(
+        wb.SETTINGS["infrared"], followers=1, drive="planar", sensing=sensing, body=WORN, seed=5
+    )
     block, theta = _block(config, 200)
-    follower, commands = SoloFollower(config, wb.Policy.of(config, theta)), []
+    follower = SoloFollower(config, wb.Policy.of(config, theta))
+    commands = []
 
     def run(robot):
         robot.calibrate_proximity_sensors()
@@ -122,13 +137,19 @@ def test_through_the_api_a_worn_robot_does_what_it_does_in_the_convoy(sensing, p
             wb.open_robot(emulator.url, period_s=0.0, timeout_s=PATIENT) as robot,
         ):
             run(robot)
-    assert commands == list(zip(block["left"][:, 1].tolist(), block["right"][:, 1].tolist(), strict=True))
+    assert commands == list(
+        zip(block["left"][:, 1].tolist(), block["right"][:, 1].tolist(), strict=True)
+    )
 
 
 def test_bodies_are_drawn_within_their_spread_and_from_the_seed():
-    wheel, axle = draw_bodies(np.random.default_rng(1), BodyConfig(wheel_spread=0.02, axle_spread=0.05), 1000)
+    wheel, axle = draw_bodies(
+        np.random.default_rng(1), BodyConfig(wheel_spread=0.02, axle_spread=0.05), 1000
+    )
     assert 0.98 <= wheel.min() < 0.981 and 1.019 < wheel.max() <= 1.02 and axle.max() > 1.045
-    assert_array_equal(wheel, draw_bodies(np.random.default_rng(1), BodyConfig(wheel_spread=0.02), 1000)[0])
+    assert_array_equal(
+        wheel, draw_bodies(np.random.default_rng(1), BodyConfig(wheel_spread=0.02), 1000)[0]
+    )
 
 
 def test_two_kinds_of_delay_are_not_mixed():
@@ -140,7 +161,12 @@ def test_two_kinds_of_delay_are_not_mixed():
 
 
 def test_a_fleet_is_the_same_robots_whatever_the_seed_and_zero_those_of_the_run():
-    infrared = replace(wb.SETTINGS["infrared"], drive="planar", followers=2, body=BodyConfig(wheel_spread=0.02, axle_spread=0.03))
+    infrared = replace(
+        wb.SETTINGS["infrared"],
+        drive="planar",
+        followers=2,
+        body=BodyConfig(wheel_spread=0.02, axle_spread=0.03),
+    )
     camera = replace(wb.ConvoyConfig(drive="planar", followers=1, sensing="camera"))
 
     def who(config, seed):
@@ -150,7 +176,9 @@ def test_a_fleet_is_the_same_robots_whatever_the_seed_and_zero_those_of_the_run(
     def lens(config, seed):
         return wb.Convoy(config, [seed], periods=1, threads=1)._lens.copy()
 
-    for one, other in zip(who(replace(infrared, fleet=7), 1), who(replace(infrared, fleet=7), 2), strict=True):
+    for one, other in zip(
+        who(replace(infrared, fleet=7), 1), who(replace(infrared, fleet=7), 2), strict=True
+    ):
         assert_array_equal(one, other)
     for one, other in zip(who(replace(infrared, fleet=7), 1), who(infrared, 7), strict=True):
         assert_array_equal(one, other)

@@ -1,4 +1,6 @@
-"""Configurations: every field of every config refuses what is out of range, of the wrong type, or unknown."""
+"""Configurations: every field of every config refuses what is out of range, of the wrong type, or
+unknown.
+"""
 
 import dataclasses
 import json
@@ -33,7 +35,9 @@ def _out_of_range(field):
     return [10**30, -(10**30), 10**400] + ([] if isinstance(default, int) else [math.nan, math.inf])
 
 
-@pytest.mark.parametrize(("cls", "field"), EVERY, ids=lambda part: getattr(part, "name", getattr(part, "__name__", "")))
+@pytest.mark.parametrize(
+    ("cls", "field"), EVERY, ids=lambda part: getattr(part, "name", getattr(part, "__name__", ""))
+)
 def test_every_field_refuses_bad_values_naming_field_value_and_range(cls, field):
     with pytest.raises(TypeError) as caught:
         cls(**{field.name: _wrong_type(field.default)})
@@ -52,7 +56,11 @@ def test_every_field_refuses_bad_values_naming_field_value_and_range(cls, field)
 @pytest.mark.parametrize("cls", CONFIGS)
 def test_unknown_names_are_refused_with_the_valid_ones(cls):
     name = dataclasses.fields(cls)[0].name
-    with pytest.raises(TypeError, match=rf"{cls.__name__} has no field '{name}s' \(given 3\); fields: .*did you mean '{name}'"):
+    with pytest.raises(
+        TypeError,
+        match=rf"{cls.__name__} has no field '{name}s' \(given 3\); fields: .*did you mean "
+        rf"'{name}'",
+    ):
         cls(**{f"{name}s": 3})
     with pytest.raises(TypeError, match="has no field"):
         fields.from_dict(cls, {"nonsense": 1})
@@ -61,32 +69,63 @@ def test_unknown_names_are_refused_with_the_valid_ones(cls):
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: ConvoyConfig(distance_m=(0.2, 0.1)), r"ConvoyConfig.distance_m = \(0.2, 0.1\); expected \(low, high\)"),
+        (
+            lambda: ConvoyConfig(distance_m=(0.2, 0.1)),
+            r"ConvoyConfig.distance_m = \(0.2, 0.1\); expected \(low, high\)",
+        ),
         (lambda: ConvoyConfig(wheel_speed_mps=(0.09, 0.03)), "wheel_speed_mps"),
-        (lambda: ConvoyConfig(leader_speed_mps=0.1), "leader_speed_mps = 0.1; followers can only keep pace"),
-        (lambda: ConvoyConfig(distance_tiling="logarithmic", state_tiles=(8, 9)), r"state_tiles = \(8, 9\).*n = 8.*odd"),
-        (lambda: ConvoyConfig(distance_tiling="logarithmic", inner_distance_m=0.08), "inner_distance_m = 0.08"),
-        (lambda: ConvoyConfig(tilings=3), "ConvoyConfig.tilings = 3: 3 tilings; expected a power of two"),
-        (lambda: ConvoyConfig(compute_time_s=1e-12), "compute_time_s = 1e-12; expected a multiple of 0.01 s"),
-        (lambda: ConvoyConfig(compute_time_s=0.015), "compute_time_s = 0.015; expected a multiple of 0.01 s"),
-        (lambda: ConvoyConfig(drive="planar", compute_time_s=0.03), "expected a multiple of 0.02 s"),
+        (
+            lambda: ConvoyConfig(leader_speed_mps=0.1),
+            "leader_speed_mps = 0.1; followers can only keep pace",
+        ),
+        (
+            lambda: ConvoyConfig(distance_tiling="logarithmic", state_tiles=(8, 9)),
+            r"state_tiles = \(8, 9\).*n = 8.*odd",
+        ),
+        (
+            lambda: ConvoyConfig(distance_tiling="logarithmic", inner_distance_m=0.08),
+            "inner_distance_m = 0.08",
+        ),
+        (
+            lambda: ConvoyConfig(tilings=3),
+            "ConvoyConfig.tilings = 3: 3 tilings; expected a power of two",
+        ),
+        (
+            lambda: ConvoyConfig(compute_time_s=1e-12),
+            "compute_time_s = 1e-12; expected a multiple of 0.01 s",
+        ),
+        (
+            lambda: ConvoyConfig(compute_time_s=0.015),
+            "compute_time_s = 0.015; expected a multiple of 0.01 s",
+        ),
+        (
+            lambda: ConvoyConfig(drive="planar", compute_time_s=0.03),
+            "expected a multiple of 0.02 s",
+        ),
         (lambda: ConvoyConfig(sensing="radar"), "sensing = 'radar'; expected one of 'truth'"),
         (lambda: ConvoyConfig(drive="weels"), "did you mean 'wheels'"),
         (lambda: TrackConfig(wavelengths_m=(0.3, 0.1)), "shortest < longest"),
         (lambda: LearnerConfig(gamma=0.999, lam=1.0), "gamma \\* lam = 0.999 with epsilon = 0.05"),
-        (lambda: ConvoyConfig(sight_m=0.1), "sight_m = 0.1; expected at least the terminal distance 0.22 m"),
+        (
+            lambda: ConvoyConfig(sight_m=0.1),
+            "sight_m = 0.1; expected at least the terminal distance 0.22 m",
+        ),
         (lambda: ConvoyConfig(distance_m=(0.3, 1.0)), "enlarge track.radius_m"),
-        (lambda: LearnerConfig(epsilon_schedule="exponential", epsilon_final=0.0), "expected both above 0"),
+        (
+            lambda: LearnerConfig(epsilon_schedule="exponential", epsilon_final=0.0),
+            "expected both above 0",
+        ),
         (
             lambda: LearnerConfig(rule="true-online-sarsa", buffer=False),
             "buffer = False with rule = 'true-online-sarsa'.*expected buffer = True",
         ),
         (
             lambda: ConvoyConfig(weights="shared", learner=LearnerConfig(rule="true-online-sarsa")),
-            "weights = 'shared' with learner.rule = 'true-online-sarsa'.*expected weights = 'own' or 'first'",
+            "weights = 'shared' with learner.rule = 'true-online-sarsa'.*expected weights = "
+            "'own' or 'first'",
         ),
     ],
-)  # fmt: skip
+)
 def test_values_that_do_not_fit_together_are_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
@@ -96,9 +135,20 @@ def test_values_that_do_not_fit_together_are_refused(build, message):
     "config",
     [
         ConvoyConfig(),
-        ConvoyConfig(followers=64, drive="planar", seed=7, track=TrackConfig(shape="eight"), learner=LearnerConfig(alpha=0.05)),
         ConvoyConfig(
-            bearing_tiling="logarithmic", state_tiles=(5, 5), tilings=2, action_levels=(3, 3), reward="alive", weights="shared"
+            followers=64,
+            drive="planar",
+            seed=7,
+            track=TrackConfig(shape="eight"),
+            learner=LearnerConfig(alpha=0.05),
+        ),
+        ConvoyConfig(
+            bearing_tiling="logarithmic",
+            state_tiles=(5, 5),
+            tilings=2,
+            action_levels=(3, 3),
+            reward="alive",
+            weights="shared",
         ),
     ],
 )
@@ -109,7 +159,10 @@ def test_config_to_json_and_back_is_equal(config):
 def test_configs_are_frozen_documented_and_numbers_become_plain():
     with pytest.raises(dataclasses.FrozenInstanceError):
         ConvoyConfig().seed = 3
-    assert "leader_speed_mps = 0.06: constant speed of the leader; a number from 0.005 to 10 m/s" in ConvoyConfig.__doc__
+    assert (
+        "leader_speed_mps = 0.06: constant speed of the leader; a number from 0.005 to 10 m/s"
+        in ConvoyConfig.__doc__
+    )
     assert type(ConvoyConfig(leader_speed_mps=0.05).leader_speed_mps) is float
     assert ConvoyConfig(state_tiles=[5, 5]).state_tiles == (5, 5)
 
@@ -125,8 +178,14 @@ def test_learner_presets_are_named_and_legal():
 
 
 def test_both_presets_of_the_paper_have_their_sizes():
-    simulation, robot = ConvoyConfig(), ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3))
-    assert (simulation.grid().n, simulation.actions, robot.grid().n, robot.actions) == (81, 49, 25, 9)
+    simulation = ConvoyConfig()
+    robot = ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3))
+    assert (simulation.grid().n, simulation.actions, robot.grid().n, robot.actions) == (
+        81,
+        49,
+        25,
+        9,
+    )
 
 
 def test_action_levels_hold_the_leader_s_speed_and_are_whole_steps():

@@ -1,4 +1,6 @@
-"""Convoys: determinism, weights of their own, shared or copied, both resets, state, and the leader on its line."""
+"""Convoys: determinism, weights of their own, shared or copied, both resets, state, and the leader
+on its line.
+"""
 
 from dataclasses import replace
 
@@ -48,12 +50,15 @@ def test_updates_are_exactly_the_steps_asked_for():
 def test_visits_losses_and_resets_are_consistent():
     _, block = _run(PLANAR, steps=20_000)
     followers = block[0, :, 1:]
-    losses, back = followers["event"] & LOSS != 0, followers["event"] & RECOVERED != 0
+    losses = followers["event"] & LOSS != 0
+    back = followers["event"] & RECOVERED != 0
     assert losses.sum() > 20
     assert abs(int(losses.sum()) - int(back.sum())) <= 4
     assert not np.any(followers["event"] & GAVE_UP)
     away = followers["phase"] > FOLLOW
-    assert not np.any(followers["state"][1:][away[:-1]] >= 0)  # no visit right after a period spent away
+    assert not np.any(
+        followers["state"][1:][away[:-1]] >= 0
+    )  # no visit right after a period spent away
 
 
 def test_own_weights_differ_shared_ones_are_one_table_and_the_first_can_teach_the_rest():
@@ -61,7 +66,9 @@ def test_own_weights_differ_shared_ones_are_one_table_and_the_first_can_teach_th
     assert own.weights.shape[1] == 4 and len({own.weights[0, k].tobytes() for k in range(4)}) == 4
     shared, block = _run(replace(PLANAR, weights="shared"))
     assert shared.weights.shape[1] == 1
-    assert np.abs(shared.weights).max() < 100  # ρ frozen at the choice: no explosion on a table that all write
+    assert (
+        np.abs(shared.weights).max() < 100
+    )  # ρ frozen at the choice: no explosion on a table that all write
     first, block = _run(replace(PLANAR, weights="first"), steps=2000)
     learned = (block[0, :, 1:]["event"] & LEARNED != 0).sum(axis=0)
     assert learned.tolist() == [2000, 0, 0, 0]
@@ -82,7 +89,9 @@ def test_a_policy_is_followed_greedily_and_never_changed():
     np.testing.assert_array_equal(convoy.tables(0)[0], np.repeat(theta, 4, axis=0))
     followers = block[0, :, 1:]
     seen = followers["state"] >= 0
-    assert np.array_equal(followers["action"][seen], theta[0].argmax(axis=1)[followers["state"][seen]])
+    assert np.array_equal(
+        followers["action"][seen], theta[0].argmax(axis=1)[followers["state"][seen]]
+    )
 
 
 def test_restart_puts_the_whole_simulation_back_at_every_loss():
@@ -92,7 +101,9 @@ def test_restart_puts_the_whole_simulation_back_at_every_loss():
     assert lost.size > 10
     start = np.array([row[0][axis] for axis in ("x", "y")])
     for t in lost[:-1]:
-        np.testing.assert_allclose([row[t + 1][axis] for axis in ("x", "y")], start, atol=0.012)  # one period of driving
+        np.testing.assert_allclose(
+            [row[t + 1][axis] for axis in ("x", "y")], start, atol=0.012
+        )  # one period of driving
     assert np.all(row[:, 1:]["phase"][lost[:-1] + 1] == FOLLOW)
     assert not row["left"][lost[:-1]].any()  # the commands of that moment never ran
 
@@ -144,12 +155,17 @@ def test_state_between_blocks_is_everything():
 @pytest.mark.parametrize("direction", ["clockwise", "anticlockwise"])
 @pytest.mark.parametrize("judder", ["spectrum", "replan"])
 def test_the_leader_follows_the_line_with_its_ground_sensors(drive, shape, direction, judder):
-    # "within 5 mm, never lost" was a kinematic trial's; here: RMS below 1.5 mm, 99 % within 5 mm, at the wanted speed
+    # "within 5 mm, never lost" was a kinematic trial's; here: RMS below 1.5 mm, 99 % within 5 mm,
+    # at the wanted speed
     track = TrackConfig(shape=shape, direction=direction, judder=judder)
-    convoy, block = _run(replace(PLANAR, drive=drive, track=track, followers=1), steps=10**6, periods=2 * BLOCK)
+    convoy, block = _run(
+        replace(PLANAR, drive=drive, track=track, followers=1), steps=10**6, periods=2 * BLOCK
+    )
     leader = block[0, :, 0]
     path = np.column_stack([leader["x"], leader["y"]]).astype(float)
-    deviation = np.abs(convoy.world.tracks[0].deviation(path))[30:]  # the first 3 s bring it from the loop to the line
+    deviation = np.abs(convoy.world.tracks[0].deviation(path))[
+        30:
+    ]  # the first 3 s bring it from the loop to the line
     assert np.sqrt(np.mean(deviation**2)) < 0.0015
     assert np.quantile(deviation, 0.99) < 0.005 and deviation.max() < 0.010
     speed = np.hypot(*np.diff(path, axis=0).T).mean() / 0.1
@@ -165,25 +181,35 @@ def test_the_leader_does_not_know_the_track():
 
 
 def test_mirrored_statistics_agree_between_the_two_directions():
-    # S2: bearings mirror; compared are means over ten seeds of the late half, within their joint bootstrap-free bound
+    # S2: bearings mirror; compared are means over ten seeds of the late half, within their joint
+    # bootstrap-free bound
     means = []
     for direction in ("clockwise", "anticlockwise"):
         config = replace(PLANAR, track=TrackConfig(direction=direction))
         _, block = _run(config, tuple(range(1, 11)), steps=60_000)
         followers = block[:, block.shape[1] // 2 :, 1:]
         seen = followers["state"] >= 0
-        means.append([np.degrees(f["bearing"][s].mean(dtype=float)) for f, s in zip(followers, seen, strict=True)])
+        means.append(
+            [
+                np.degrees(f["bearing"][s].mean(dtype=float))
+                for f, s in zip(followers, seen, strict=True)
+            ]
+        )
     clockwise, anticlockwise = np.array(means)
     gap = abs(clockwise.mean() + anticlockwise.mean())
     spread = np.sqrt(clockwise.var(ddof=1) / 10 + anticlockwise.var(ddof=1) / 10)
-    assert gap < 4 * spread + 1.0  # lowest-index ties turn left first: up to about a degree is known
+    assert (
+        gap < 4 * spread + 1.0
+    )  # lowest-index ties turn left first: up to about a degree is known
 
 
 def test_still_world_puts_robots_where_the_records_have_them():
     _, block = _run(PLANAR, steps=400)
     world = still_world(PLANAR, block[0, 50])
     for robot in range(5):
-        assert world.pose(0, robot)[:2] == pytest.approx((block[0, 50, robot]["x"], block[0, 50, robot]["y"]))
+        assert world.pose(0, robot)[:2] == pytest.approx(
+            (block[0, 50, robot]["x"], block[0, 50, robot]["y"])
+        )
 
 
 @pytest.mark.parametrize(
@@ -192,15 +218,26 @@ def test_still_world_puts_robots_where_the_records_have_them():
         (lambda: Convoy(PLANAR, (), steps=1), "seeds is empty"),
         (lambda: Convoy(PLANAR, (1,)), "steps = 0, periods = None"),
         (lambda: Convoy(PLANAR, (1,), steps=-1), "steps = -1"),
-        (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((1, 81, 48))), "81 rows, 49 actions"),
-        (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((3, 81, 49))), "policy has 3 tables; expected 1, or one"),
         (
-            lambda: Convoy(replace(PLANAR, weights="shared"), (1,), steps=9, policy=np.zeros((4, 81, 49))),
+            lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((1, 81, 48))),
+            "81 rows, 49 actions",
+        ),
+        (
+            lambda: Convoy(PLANAR, (1,), periods=1, policy=np.zeros((3, 81, 49))),
+            "policy has 3 tables; expected 1, or one",
+        ),
+        (
+            lambda: Convoy(
+                replace(PLANAR, weights="shared"), (1,), steps=9, policy=np.zeros((4, 81, 49))
+            ),
             "policy has 4 tables and weights = 'shared' learns one",
         ),
-        (lambda: Convoy(PLANAR, (1,), periods=1, policy=np.full((1, 81, 49), np.nan)), "not finite"),
+        (
+            lambda: Convoy(PLANAR, (1,), periods=1, policy=np.full((1, 81, 49), np.nan)),
+            "not finite",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_requests_are_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
@@ -213,13 +250,23 @@ def test_the_buffer_hides_any_compute_time_up_to_the_control_period():
         assert hidden.weights.tobytes() == plain.weights.tobytes()
 
 
-@pytest.mark.parametrize(("drive", "seconds"), [("planar", 0.04), ("planar", 0.1), ("wheels", 0.03)])
+@pytest.mark.parametrize(
+    ("drive", "seconds"), [("planar", 0.04), ("planar", 0.1), ("wheels", 0.03)]
+)
 def test_without_the_buffer_commands_wait_for_the_update_while_physics_goes_on(drive, seconds):
-    config = replace(PLANAR, drive=drive, followers=2, compute_time_s=seconds, learner=LearnerConfig(buffer=False))
+    config = replace(
+        PLANAR,
+        drive=drive,
+        followers=2,
+        compute_time_s=seconds,
+        learner=LearnerConfig(buffer=False),
+    )
     convoy = Convoy(config, (1,), steps=400)
     start = convoy.world.states.copy()
     block = convoy.run_block()[0]
-    replay = Convoy(config, (1,), steps=1).world  # the same model, driven from the recorded commands alone
+    replay = Convoy(
+        config, (1,), steps=1
+    ).world  # the same model, driven from the recorded commands alone
     replay.states[:] = start
     timestep = replay.model.opt.timestep
     waited = 0
@@ -241,7 +288,9 @@ def test_without_the_buffer_commands_wait_for_the_update_while_physics_goes_on(d
 
 
 def test_a_restart_stops_commands_that_still_wait():
-    config = replace(PLANAR, reset="restart", compute_time_s=0.06, learner=LearnerConfig(buffer=False))
+    config = replace(
+        PLANAR, reset="restart", compute_time_s=0.06, learner=LearnerConfig(buffer=False)
+    )
     convoy, block = _run(config)
     losses = np.flatnonzero(np.any(block[0, :-1, 1:]["event"] & LOSS, axis=1))
     assert len(losses) > 5
@@ -257,7 +306,9 @@ def test_several_tilings_learn_store_and_stay_the_same_alone_or_in_a_batch(tilin
     batch, _ = _run(config, (2, 1))
     assert alone.weights[0].tobytes() == batch.weights[1].tobytes()
     theta, _ = alone.tables(0)
-    assert theta.shape == (4, config.rows, 49) and np.ptp(theta[0, -20:]) > 0  # the last tiling learned too
+    assert (
+        theta.shape == (4, config.rows, 49) and np.ptp(theta[0, -20:]) > 0
+    )  # the last tiling learned too
     policy = Policy.of(config, theta)
     policy.check(config)
     assert policy.greedy().shape == (4, 25)
@@ -267,7 +318,9 @@ def test_several_tilings_learn_store_and_stay_the_same_alone_or_in_a_batch(tilin
 
 def test_commands_that_wait_leave_finished_formations_alone_and_a_resumed_batch_ends_the_same():
     config = replace(PLANAR, compute_time_s=0.06, learner=LearnerConfig(buffer=False))
-    seeds, steps = (1, 2, 3, 4), 11_000  # some finish in the second block, at different times
+    # some finish in the second block, at different times
+    seeds = (1, 2, 3, 4)
+    steps = 11_000
     whole = Convoy(config, seeds, steps=steps)
     whole.run_block()
     middle = whole.state()

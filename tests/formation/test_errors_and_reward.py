@@ -1,4 +1,6 @@
-"""Error measures (S1, S2) and reward presets: definitions, mirror symmetry, and that losing the leader never pays."""
+"""Error measures (S1, S2) and reward presets: definitions, mirror symmetry, and that losing the
+leader never pays.
+"""
 
 import math
 
@@ -14,7 +16,9 @@ from workbench.formation.reward import PRESETS, step_reward, terminal_reward, wo
 coordinate = st.floats(-2, 2)
 
 
-@given(coordinate, coordinate, st.floats(-math.pi, math.pi), st.floats(0.05, 0.5), st.floats(-3.1, 3.1))
+@given(
+    coordinate, coordinate, st.floats(-math.pi, math.pi), st.floats(0.05, 0.5), st.floats(-3.1, 3.1)
+)
 def test_distance_and_bearing_are_recovered_from_any_pose(x, y, heading, distance, bearing):
     ahead = x + distance * math.cos(heading + bearing), y + distance * math.sin(heading + bearing)
     measured = observe(x, y, math.cos(heading), math.sin(heading), *ahead)
@@ -26,7 +30,8 @@ def test_distance_and_bearing_are_recovered_from_any_pose(x, y, heading, distanc
 def test_errors_mirror_exactly(x, y, heading, ahead_x, ahead_y):
     assume(math.dist((x, y), (ahead_x, ahead_y)) > 1e-6)  # robots do not share a place
     c, s = math.cos(heading), math.sin(heading)
-    here, mirrored = observe(x, y, c, s, ahead_x, ahead_y), observe(x, -y, c, -s, ahead_x, -ahead_y)
+    here = observe(x, y, c, s, ahead_x, ahead_y)
+    mirrored = observe(x, -y, c, -s, ahead_x, -ahead_y)
     assert here[0] == mirrored[0]
     assert here[1] == -mirrored[1] or abs(here[1]) == math.pi
 
@@ -39,7 +44,10 @@ def test_states_mirror_away_from_tile_edges(distance, bearing):
     if np.min(np.abs(edges - bearing)) < 1e-9:
         return
     row, column = grid.cells(grid.index(distance - config.middle_m, bearing))
-    assert grid.cells(grid.index(distance - config.middle_m, -bearing)) == (row, config.state_tiles[1] - 1 - column)
+    assert grid.cells(grid.index(distance - config.middle_m, -bearing)) == (
+        row,
+        config.state_tiles[1] - 1 - column,
+    )
 
 
 def test_wanted_distance_is_the_middle_of_the_bounds():

@@ -1,4 +1,6 @@
-"""The follower: one implementation, with the update buffer's properties (L5), terminals (L4) and no learning in a reset (X3)."""
+"""The follower: one implementation, with the update buffer's properties (L5), terminals (L4) and no
+learning in a reset (X3).
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ from workbench.learning.sarsa import TrueOnlineSarsa
 
 @njit
 def _act(task, follower, step, weights, ids, values, distance, bearing, epsilon, u, room):
-    return module.act(task[0], follower[0], step[0], weights, ids, values, distance, bearing, epsilon, u, room)
+    return module.act(
+        task[0], follower[0], step[0], weights, ids, values, distance, bearing, epsilon, u, room
+    )
 
 
 @njit
@@ -26,18 +30,25 @@ def _learn(task, follower, weights, ids, values):
 
 
 class _Robot:
-    """One follower outside a convoy, driven observation by observation, as a loop on a real robot would."""
+    """One follower outside a convoy, driven observation by observation, as a loop on a real robot
+    would.
+    """
 
     def __init__(self, tilings=1, **learner):
-        self.config = ConvoyConfig(followers=1, drive="planar", tilings=tilings, learner=LearnerConfig(**learner))
+        self.config = ConvoyConfig(
+            followers=1, drive="planar", tilings=tilings, learner=LearnerConfig(**learner)
+        )
         self.task = Convoy(self.config, [1], steps=1000).task
         pairs = self.config.rows * self.config.actions
-        self.follower, self.step = np.zeros(1, FOLLOWER), np.zeros(1, STEP)
-        self.follower["state"], self.follower["learns"] = -1, 1
+        self.follower = np.zeros(1, FOLLOWER)
+        self.step = np.zeros(1, STEP)
+        self.follower["state"] = -1
+        self.follower["learns"] = 1
         self.weights = np.zeros((2, pairs))
         self.weights[0] = self.config.learner.theta0 / tilings
         empty = new_trace(pairs)
-        self.ids, self.values = np.stack([empty[0], empty[2], empty[0]]), np.stack([empty[1], empty[1]])
+        self.ids = np.stack([empty[0], empty[2], empty[0]])
+        self.values = np.stack([empty[1], empty[1]])
 
     def act(self, distance, bearing, epsilon=0.0, u=0.99, room=True):
         arrays = self.task, self.follower, self.step, self.weights, self.ids, self.values
@@ -50,8 +61,11 @@ class _Robot:
 
 
 def _cells(config, distance, bearing):
-    """Rows of the weight table that are active in an observation, found without the follower's code."""
-    rows, first = [], 0
+    """Rows of the weight table that are active in an observation, found without the follower's
+    code.
+    """
+    rows = []
+    first = 0
     for grid in config.grids():
         rows.append(first + grid.index(distance - config.middle_m, bearing))
         first += grid.n
@@ -61,7 +75,8 @@ def _cells(config, distance, bearing):
 def _walk(count, seed=0):
     """Observations that wander inside the bounds and now and then beyond."""
     rng = np.random.default_rng(seed)
-    distance, bearing = 0.15, 0.0
+    distance = 0.15
+    bearing = 0.0
     for _ in range(count):
         distance = float(np.clip(distance + rng.normal(0, 0.02), 0.075, 0.23))
         bearing = float(np.clip(bearing + rng.normal(0, 0.15), -0.8, 0.8))
@@ -72,7 +87,16 @@ def _walk(count, seed=0):
 def test_followers_and_the_public_class_learn_the_same_bits(buffer):
     robot = _Robot(buffer=buffer, epsilon=0.3, gamma=0.7, lam=0.6)
     learner = robot.config.learner
-    twin = GreedyGQ(81, 49, alpha=learner.alpha, beta=learner.beta, gamma=0.7, lam=0.6, cutoff=1e-8, theta0=learner.theta0)
+    twin = GreedyGQ(
+        81,
+        49,
+        alpha=learner.alpha,
+        beta=learner.beta,
+        gamma=0.7,
+        lam=0.6,
+        cutoff=1e-8,
+        theta0=learner.theta0,
+    )
     learned = 0
     for distance, bearing, u in _walk(600):
         robot.act(distance, bearing, epsilon=0.3, u=u)
@@ -80,9 +104,12 @@ def test_followers_and_the_public_class_learn_the_same_bits(buffer):
         step = robot.step[0]
         robot.learn()
         if step["event"] & LEARNED:
-            state, action = int(step["state"]), int(step["action"])
+            state = int(step["state"])
+            action = int(step["action"])
             following = None if step["event"] & LOSS else int(waiting["w_next"])
-            twin.update(state, action, float(waiting["w_reward"]), following, rho=float(waiting["w_rho"]))
+            twin.update(
+                state, action, float(waiting["w_reward"]), following, rho=float(waiting["w_rho"])
+            )
             learned += 1
             if following is None:
                 twin.begin_episode()
@@ -93,16 +120,26 @@ def test_followers_and_the_public_class_learn_the_same_bits(buffer):
 
 def test_with_several_tilings_followers_learn_the_bits_of_gq_on_lists_of_features():
     robot = _Robot(tilings=4, epsilon=0.3, gamma=0.7, lam=0.6)
-    config, learner = robot.config, robot.config.learner
-    twin = GQ(config.rows * 49, learner.alpha / 4, beta=learner.beta / 4, cutoff=1e-8, theta0=learner.theta0 / 4)
-    before, learned = None, 0
+    config = robot.config
+    learner = robot.config.learner
+    twin = GQ(
+        config.rows * 49,
+        learner.alpha / 4,
+        beta=learner.beta / 4,
+        cutoff=1e-8,
+        theta0=learner.theta0 / 4,
+    )
+    before = None
+    learned = 0
     for distance, bearing, u in _walk(600):
         robot.act(distance, bearing, epsilon=0.3, u=u)
-        step, waiting = robot.step[0], robot.follower[0].copy()
+        step = robot.step[0]
+        waiting = robot.follower[0].copy()
         robot.learn()
         if step["event"] & LEARNED:
             phi = np.array(before) * 49 + int(step["action"])
-            gamma, bar = 0.7, np.zeros(0, int)
+            gamma = 0.7
+            bar = np.zeros(0, int)
             if step["event"] & LOSS:
                 gamma = 0.0
             else:
@@ -128,40 +165,68 @@ def test_with_several_tilings_followers_learn_the_bits_of_gq_on_lists_of_feature
 @pytest.mark.parametrize("tilings", [1, 4])
 @pytest.mark.parametrize("rule", ["watkins-q", "expected-sarsa", "qrc"])
 def test_rival_rules_are_settings_of_the_kernel_bit_by_bit(rule, tilings):
-    epsilon, eta = 0.3, 1.0
+    epsilon = 0.3
+    eta = 1.0
     robot = _Robot(tilings=tilings, rule=rule, eta=eta, epsilon=epsilon, gamma=0.7, lam=0.6)
-    config, learner = robot.config, robot.config.learner
+    config = robot.config
+    learner = robot.config.learner
     correction = {"qrc": {"beta": learner.alpha * eta / tilings, "kappa": 1.0}}.get(rule, {})
-    twin = GQ(config.rows * 49, learner.alpha / tilings, cutoff=1e-8, theta0=learner.theta0 / tilings, **correction)
-    before, choice, learned, greedy_steps = None, None, 0, 0
+    twin = GQ(
+        config.rows * 49,
+        learner.alpha / tilings,
+        cutoff=1e-8,
+        theta0=learner.theta0 / tilings,
+        **correction,
+    )
+    before = None
+    choice = None
+    learned = 0
+    greedy_steps = 0
     for distance, bearing, u in _walk(600, seed=11):
         robot.act(distance, bearing, epsilon=epsilon, u=u)
         step = robot.step[0].copy()
         robot.learn()
-        now = np.array(_cells(config, distance, bearing)) * 49 if robot.follower["state"][0] >= 0 else None
+        now = (
+            np.array(_cells(config, distance, bearing)) * 49
+            if robot.follower["state"][0] >= 0
+            else None
+        )
         lost = bool(step["event"] & LOSS)
         if step["event"] & LEARNED:
-            gamma, bar, values = 0.7, np.zeros(0, int), np.zeros(0)
+            gamma = 0.7
+            bar = np.zeros(0, int)
+            values = np.zeros(0)
             if lost:
                 gamma = 0.0
             else:
                 best = int(np.argmax(sum(twin.theta[start : start + 49] for start in now)))
-                bar, values = now + best, np.ones(tilings)
+                bar = now + best
+                values = np.ones(tilings)
                 if rule == "expected-sarsa":
                     bar = (now[:, None] + np.arange(49)).ravel()
                     chances = np.full(49, epsilon / 49)
                     chances[best] += 1 - epsilon
                     values = np.tile(chances, tilings)
             greedy = choice == before[1]
-            ratio = {"watkins-q": float(greedy), "expected-sarsa": 1.0}.get(rule, greedy / (1 - epsilon + epsilon / 49))
+            ratio = {"watkins-q": float(greedy), "expected-sarsa": 1.0}.get(
+                rule, greedy / (1 - epsilon + epsilon / 49)
+            )
             phi = (before[0] + choice, np.ones(tilings))
-            twin.learn(phi, float(robot.follower["w_reward"][0]), (bar, values), gamma=gamma, lam=0.6, rho=ratio)
+            twin.learn(
+                phi,
+                float(robot.follower["w_reward"][0]),
+                (bar, values),
+                gamma=gamma,
+                lam=0.6,
+                rho=ratio,
+            )
             greedy_steps += greedy
             learned += 1
             if lost:
                 twin.begin_episode()
         if now is not None:
-            # the choice was made before learning: with the weights of then, which the robot's own flag tells greedy or not
+            # the choice was made before learning: with the weights of then, which the robot's own
+            # flag tells greedy or not
             choice = int(robot.follower["action"][0])
             before = (now, choice if not step["event"] & EXPLORED else -1)
     assert learned > 150 and 0.3 < greedy_steps / learned < 0.95
@@ -172,16 +237,21 @@ def test_rival_rules_are_settings_of_the_kernel_bit_by_bit(rule, tilings):
 def test_followers_and_true_online_sarsa_learn_the_same_bits():
     robot = _Robot(rule="true-online-sarsa", epsilon=0.3, gamma=0.7, lam=0.6)
     learner = robot.config.learner
-    twin = TrueOnlineSarsa(81, 49, alpha=learner.alpha, gamma=0.7, lam=0.6, cutoff=1e-8, theta0=learner.theta0)
+    twin = TrueOnlineSarsa(
+        81, 49, alpha=learner.alpha, gamma=0.7, lam=0.6, cutoff=1e-8, theta0=learner.theta0
+    )
     learned = 0
     for distance, bearing, u in _walk(600, seed=12):
         robot.act(distance, bearing, epsilon=0.3, u=u)
-        step, waiting = robot.step[0].copy(), robot.follower[0].copy()
+        step = robot.step[0].copy()
+        waiting = robot.follower[0].copy()
         robot.learn()
         if step["event"] & LEARNED:
             over = bool(step["event"] & LOSS)
             following = (None, None) if over else (int(waiting["state"]), int(waiting["action"]))
-            twin.update(int(step["state"]), int(step["action"]), float(waiting["w_reward"]), *following)
+            twin.update(
+                int(step["state"]), int(step["action"]), float(waiting["w_reward"]), *following
+            )
             learned += 1
             if over:
                 twin.begin_episode()
@@ -193,14 +263,18 @@ def test_random_actions_are_marked_and_greedy_ones_are_not():
     robot = _Robot(epsilon=0.5, gamma=0.5)
     robot.act(0.15, 0.0, epsilon=0.5, u=0.25)  # explores: action 24 of 49
     assert robot.step["event"][0] & EXPLORED and robot.follower["action"][0] == 24
-    robot.act(0.15, 0.0, epsilon=0.5, u=0.0)  # explores too, but hits the greedy action, the lowest on ties
+    robot.act(
+        0.15, 0.0, epsilon=0.5, u=0.0
+    )  # explores too, but hits the greedy action, the lowest on ties
     assert not robot.step["event"][0] & EXPLORED
     robot.act(0.15, 0.0, epsilon=0.5, u=0.9)
     assert not robot.step["event"][0] & EXPLORED
 
 
 def _spoil(buffer):
-    """Make the greedy action so bad that learning it would change the next choice in the same state."""
+    """Make the greedy action so bad that learning it would change the next choice in the same
+    state.
+    """
     robot = _Robot(buffer=buffer, theta0=0.0)
     robot.act(0.15, 0.0)
     first = int(robot.follower["action"][0])
@@ -219,7 +293,8 @@ def test_with_the_buffer_action_t_plus_1_uses_weights_without_transition_t():
 
 
 def test_buffered_and_immediate_updates_of_a_fixed_stream_are_bit_identical():
-    # force the same actions: explore always, with the same u; ρ is then 0 or fixed by θ of the choice, so fix it to 0
+    # force the same actions: explore always, with the same u; ρ is then 0 or fixed by θ of the
+    # choice, so fix it to 0
     results = []
     for buffer in (True, False):
         robot = _Robot(buffer=buffer, epsilon=0.1, gamma=0.5)
@@ -250,7 +325,9 @@ def test_a_terminal_is_learned_once_with_no_discount_and_the_trace_is_cleared():
     robot.learn()
     robot.act(0.30, 0.0)
     assert robot.step["event"][0] & LOSS and robot.step["phase"][0] in (TURN, APPROACH)
-    assert robot.follower["w_next"][0] == -1 and robot.follower["w_reward"][0] == pytest.approx(-2 / (1 - 0.8))
+    assert robot.follower["w_next"][0] == -1 and robot.follower["w_reward"][0] == pytest.approx(
+        -2 / (1 - 0.8)
+    )
     pair = int(robot.follower["w_state"][0]) * 49 + int(robot.follower["w_action"][0])
     before = robot.weights[0, pair]
     assert robot.ids[1, pair] >= 0  # the pair is in the trace
@@ -313,5 +390,7 @@ def test_learning_that_diverges_is_reported():
     robot.act(0.15, 0.0)
     robot.act(0.15, 0.0)
     robot.weights[0, 40 * 49 : 41 * 49] = 1.7e308
-    robot.weights[0, 40 * 49 + int(robot.follower["w_action"][0])] = -1.7e308  # δ = γ 1.7e308 + 1.7e308 overflows
+    robot.weights[
+        0, 40 * 49 + int(robot.follower["w_action"][0])
+    ] = -1.7e308  # δ = γ 1.7e308 + 1.7e308 overflows
     assert not _learn(robot.task, robot.follower, robot.weights, robot.ids, robot.values)

@@ -19,16 +19,20 @@ from workbench.formation.reset import (
     TURN,
     begin_reset,
     manoeuvre,
-)  # fmt: skip
+)
 from workbench.formation.task import fill_task
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 
-MIDDLE, HALF, LIMIT, SIGHT = 0.15, 0.07, math.pi / 4, 2.0
+MIDDLE = 0.15
+HALF = 0.07
+LIMIT = math.pi / 4
+SIGHT = 2.0
 
 
 def _follower(phase=FOLLOW, timer=0):
     follower = np.zeros(1, FOLLOWER)
-    follower["phase"], follower["timer"] = phase, timer
+    follower["phase"] = phase
+    follower["timer"] = timer
     return follower
 
 
@@ -94,7 +98,10 @@ def test_a_new_episode_starts_within_a_third_of_the_half_range():
 def test_time_out_search_lost_and_back():
     follower = _follower(APPROACH, timer=TIME_OUT)
     assert _move(follower, 0.6, 0.0) == (-300, 300) and _phase(follower) == SEARCH
-    assert _move(follower, 0.6, 0.0) != (0, 0) and _phase(follower) in (TURN, APPROACH)  # in sight: start again
+    assert _move(follower, 0.6, 0.0) != (0, 0) and _phase(follower) in (
+        TURN,
+        APPROACH,
+    )  # in sight: start again
     follower = _follower(APPROACH)
     _move(follower, 0.6, 0.0, sight=0.5)
     assert _phase(follower) == SEARCH  # out of sight: search at once
@@ -116,9 +123,14 @@ def test_the_search_sees_every_direction():
 @pytest.mark.parametrize("seed", range(30))
 def test_from_any_pose_it_catches_up_with_a_moving_leader(seed):
     rng = np.random.default_rng(seed)
-    angle, distance = rng.uniform(-math.pi, math.pi), rng.choice([rng.uniform(0.072, 0.08), rng.uniform(0.22, 0.45)])
-    x, y, heading = 0.0, 0.0, rng.uniform(-math.pi, math.pi)
-    lx, ly, direction = distance * math.cos(angle), distance * math.sin(angle), rng.uniform(-math.pi, math.pi)
+    angle = rng.uniform(-math.pi, math.pi)
+    distance = rng.choice([rng.uniform(0.072, 0.08), rng.uniform(0.22, 0.45)])
+    x = 0.0
+    y = 0.0
+    heading = rng.uniform(-math.pi, math.pi)
+    lx = distance * math.cos(angle)
+    ly = distance * math.sin(angle)
+    direction = rng.uniform(-math.pi, math.pi)
     follower = _follower(BACK_OFF if distance < 0.08 else TURN)
     for _ in range(300):
         gap = math.hypot(lx - x, ly - y)
@@ -126,7 +138,8 @@ def test_from_any_pose_it_catches_up_with_a_moving_leader(seed):
         left, right = _move(follower, gap, bearing)
         if _phase(follower) == FOLLOW:
             break
-        forward, turn = (left + right) * STEP / 2, (right - left) * STEP / TRACK
+        forward = (left + right) * STEP / 2
+        turn = (right - left) * STEP / TRACK
         x, y = x + 0.1 * forward * math.cos(heading), y + 0.1 * forward * math.sin(heading)
         heading += 0.1 * turn
         lx, ly = lx + 0.006 * math.cos(direction), ly + 0.006 * math.sin(direction)

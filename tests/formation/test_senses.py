@@ -1,4 +1,6 @@
-"""Followers that see by themselves or through a camera (N1, N2, N4, N6): the same code in the convoy and behind the robot API."""
+"""Followers that see by themselves or through a camera (N1, N2, N4, N6): the same code in the
+convoy and behind the robot API.
+"""
 
 import math
 from dataclasses import replace
@@ -22,7 +24,9 @@ from workbench.robot.infrared import SLOT, InfraredConfig, circles_light, satura
 from workbench.robots import open_robot
 from workbench.study.infrared_trials import recoveries, true_errors, within
 
-PATIENT = 10.0  # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers late
+# s: in lockstep a request that is repeated lets another period pass, and a busy machine answers
+# late
+PATIENT = 10.0
 INFRARED = replace(SETTINGS["infrared"], followers=1, drive="planar")
 
 
@@ -33,16 +37,26 @@ def _config(sensing, **changes):
 
 @pytest.mark.parametrize("sensing", ["ir-metric", "ir-raw", "truth"])
 @pytest.mark.parametrize("drive_kind", ["planar", "wheels"])
-def test_through_the_robot_api_a_follower_does_what_it_does_in_the_compiled_convoy_bit_for_bit(sensing, drive_kind):
+def test_through_the_robot_api_a_follower_does_what_it_does_in_the_compiled_convoy_bit_for_bit(
+    sensing, drive_kind
+):
     config = _config(sensing, drive=drive_kind, seed=4)
     convoy = Convoy(config, [config.seed], steps=500)
     block = convoy.run_block()[0]
     block = block[block["phase"][:, 0] >= 0]
-    follower, commands = SoloFollower(config, steps=500), []
+    follower = SoloFollower(config, steps=500)
+    commands = []
     with SimulatedRobot(config) as robot:
         robot.calibrate_proximity_sensors()
-        drive(robot, follower, seconds=len(block) / 10, watch=lambda f, r, t: commands.append(tuple(map(int, r._speed))))
-    assert commands == list(zip(block["left"][:, 1].tolist(), block["right"][:, 1].tolist(), strict=True))
+        drive(
+            robot,
+            follower,
+            seconds=len(block) / 10,
+            watch=lambda f, r, t: commands.append(tuple(map(int, r._speed))),
+        )
+    assert commands == list(
+        zip(block["left"][:, 1].tolist(), block["right"][:, 1].tolist(), strict=True)
+    )
     np.testing.assert_array_equal(follower.weights, convoy.weights[0, 0])
     assert follower.updates == 500
 
@@ -53,19 +67,33 @@ def test_over_a_real_protocol_a_follower_does_the_same(protocol):
     convoy = Convoy(config, [config.seed], steps=200)
     block = convoy.run_block()[0]
     block = block[block["phase"][:, 0] >= 0]
-    follower, commands = SoloFollower(config, steps=200), []
+    follower = SoloFollower(config, steps=200)
+    commands = []
     with (
         Emulator(SimulatedRobot(config), protocol, rate=0) as emulator,
         open_robot(emulator.url, period_s=0.0, timeout_s=PATIENT) as robot,
     ):
         robot.calibrate_proximity_sensors()
-        drive(robot, follower, seconds=len(block) / 10, watch=lambda f, r, t: commands.append(r._speed))
-    assert commands == list(zip(block["left"][:, 1].tolist(), block["right"][:, 1].tolist(), strict=True))
+        drive(
+            robot,
+            follower,
+            seconds=len(block) / 10,
+            watch=lambda f, r, t: commands.append(r._speed),
+        )
+    assert commands == list(
+        zip(block["left"][:, 1].tolist(), block["right"][:, 1].tolist(), strict=True)
+    )
 
 
 @pytest.mark.parametrize("sensing", ["ir-metric", "ir-raw"])
 def test_followers_learn_with_infrared_alone_and_come_back(sensing):
-    config = replace(SETTINGS["infrared"], drive="planar", sensing=sensing, state_tiles=(5, 5), action_levels=(3, 3))
+    config = replace(
+        SETTINGS["infrared"],
+        drive="planar",
+        sensing=sensing,
+        state_tiles=(5, 5),
+        action_levels=(3, 3),
+    )
     convoy = Convoy(config, [1], steps=60_000)
     blocks = []
     while not convoy.finished:
@@ -76,7 +104,10 @@ def test_followers_learn_with_infrared_alone_and_come_back(sensing):
     recovered, losses = recoveries(steps["event"][:, 1:], following)
     assert losses > 50 and recovered / losses >= 0.95
     distance, bearing = true_errors(steps[2 * len(steps) // 3 :])
-    assert np.mean((distance >= 0.08) & (distance < 0.13) & (np.abs(bearing) < math.radians(25))) > 0.95
+    assert (
+        np.mean((distance >= 0.08) & (distance < 0.13) & (np.abs(bearing) < math.radians(25)))
+        > 0.95
+    )
 
 
 def test_a_batch_of_seeds_is_the_same_as_each_alone_with_infrared_and_camera():
@@ -100,7 +131,8 @@ def test_blinding_light_is_seen_and_ends_in_standing_still():
 
 
 def test_a_search_is_bounded_and_never_turns_round():
-    heading, task = 0.0, fill_task(_config("ir-metric"), 0)[0]
+    heading = 0.0
+    task = fill_task(_config("ir-metric"), 0)[0]
     for timer in range(60):
         left, right = drive_on(task, timer, 0.0)
         assert abs(left) <= 1000 and abs(right) <= 1000
@@ -123,17 +155,26 @@ def test_what_cannot_be_seen_is_refused_with_a_bound_that_can():
 
 def test_the_leader_follows_the_line_on_sensors_of_its_own_and_stops_where_there_is_none():
     def deviation(**changes):
-        convoy = Convoy(ConvoyConfig(followers=1, drive="planar", **changes), [1], periods=600, policy=np.zeros((1, 81, 49)))
+        convoy = Convoy(
+            ConvoyConfig(followers=1, drive="planar", **changes),
+            [1],
+            periods=600,
+            policy=np.zeros((1, 81, 49)),
+        )
         block = convoy.run_block()[0][:600]
         path = np.stack([block["x"][:, 0], block["y"][:, 0]], axis=-1).astype(float)
         return convoy, block, np.sqrt(np.mean(convoy.world.tracks[0].deviation(path) ** 2))
 
     for ground in ("a", "b", "c"):
-        assert deviation(ground=ground)[2] < 0.002  # m RMS from the line, as with the sensors it was made for
+        assert (
+            deviation(ground=ground)[2] < 0.002
+        )  # m RMS from the line, as with the sensors it was made for
     # what it costs not to know one's own black: module b is half as dark as expected, c darker
     assert deviation(ground="b", ground_calibrated=False)[2] > deviation(ground="b")[2]
     convoy, block, _ = deviation()
-    convoy = Convoy(ConvoyConfig(followers=1, drive="planar"), [1], periods=100, policy=np.zeros((1, 81, 49)))
+    convoy = Convoy(
+        ConvoyConfig(followers=1, drive="planar"), [1], periods=100, policy=np.zeros((1, 81, 49))
+    )
     convoy.world.floor.raster[:] = 0  # the line is gone
     steps = convoy.run_block()[0][:100, 0]
     assert np.all(steps["left"][40:] == 0) and np.all(steps["right"][40:] == 0)
@@ -159,7 +200,9 @@ def test_a_robot_sees_a_wall_and_a_dark_one_less():
     readings = {}
     for name, share in (("none", None), ("white", 1.0), ("dark", 0.2)):
         furnish = None if share is None else wall
-        with SimulatedRobot(INFRARED, furnish=furnish, reflectance=None if share is None else {"wall": share}) as robot:
+        with SimulatedRobot(
+            INFRARED, furnish=furnish, reflectance=None if share is None else {"wall": share}
+        ) as robot:
             robot.calibrate_proximity_sensors()
             robot.enable("proximity")
             robot.convoy.world.place(0, 1, -0.065, 0.0, 0.0)
@@ -195,24 +238,49 @@ def test_losses_are_judged_over_ten_seconds():
     events = np.zeros((500, 1), np.int16)
     events[[10, 200, 350, 400, 450]] = LOSS
     following = np.zeros((500, 1), bool)
-    following[[5, 30, 320]] = True  # after 2 s and after 12 s; the losses at 40 and 45 s have no ten seconds left
+    following[[5, 30, 320]] = (
+        True  # after 2 s and after 12 s; the losses at 40 and 45 s have no ten seconds left
+    )
     assert recoveries(events, following) == (1, 3)
 
 
 @pytest.mark.parametrize("turn", [-4.8, -1.0, 0.5, 3.0, 4.8])
 @pytest.mark.parametrize("samples", [1, 6, 16])
-def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_sampled(turn, samples):
-    config = replace(INFRARED, infrared=InfraredConfig(samples=samples, noise=0.0, gain_spread=0.0, offset_counts=(0.0, 0.0)))
-    task, robots = fill_task(config, 0), np.zeros(2, FOLLOWER)
-    robots["c"], robots["gain"] = 1.0, 1.0
-    robots[0]["x"], robots[1]["turn"], robots[1]["speed"], robots[0]["speed"] = 0.105, turn, 0.06, 0.05
+def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_sampled(
+    turn, samples
+):
+    config = replace(
+        INFRARED,
+        infrared=InfraredConfig(
+            samples=samples, noise=0.0, gain_spread=0.0, offset_counts=(0.0, 0.0)
+        ),
+    )
+    task = fill_task(config, 0)
+    robots = np.zeros(2, FOLLOWER)
+    robots["c"] = 1.0
+    robots["gain"] = 1.0
+    robots[0]["x"] = 0.105
+    robots[1]["turn"] = turn
+    robots[1]["speed"] = 0.06
+    robots[0]["speed"] = 0.05
     sense(task, robots, 1, np.zeros(8))
     for k in range(8):
         age = config.infrared.age_s + (3 - k % 4) * SLOT
         radius = 0.06 / turn  # on an arc, exactly
-        x, y, heading = -radius * math.sin(turn * age), radius * (1 - math.cos(turn * age)), -turn * age
+        x = -radius * math.sin(turn * age)
+        y = radius * (1 - math.cos(turn * age))
+        heading = -turn * age
         light = circles_light(
-            k, x, y, math.cos(heading), math.sin(heading), np.array([0.105 - 0.05 * age]), np.zeros(1), 1,
-            float(task["ir_radius"][0]), float(task["ir_strength"][0]), 0,
-        )  # fmt: skip
+            k,
+            x,
+            y,
+            math.cos(heading),
+            math.sin(heading),
+            np.array([0.105 - 0.05 * age]),
+            np.zeros(1),
+            1,
+            float(task["ir_radius"][0]),
+            float(task["ir_strength"][0]),
+            0,
+        )
         assert robots[1]["prox"][k] == pytest.approx(saturate(light, 4000.0), abs=0.8, rel=0.02)

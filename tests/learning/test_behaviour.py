@@ -8,8 +8,11 @@ from workbench.learning.behaviour import SCHEDULES, choose_action, epsilon_at, g
 
 def test_exploration_is_uniform_over_all_actions_and_ratios_average_to_one():
     values = np.array([0.0, 0.0, 3.0, 1.0, 2.0])
-    epsilon, actions = 0.5, 5
-    chosen = [choose_action(values, 0, actions, epsilon, u) for u in (np.arange(100_000) + 0.5) / 100_000]
+    epsilon = 0.5
+    actions = 5
+    chosen = [
+        choose_action(values, 0, actions, epsilon, u) for u in (np.arange(100_000) + 0.5) / 100_000
+    ]
     counts = np.bincount([a for a, _ in chosen], minlength=actions) / len(chosen)
     np.testing.assert_allclose(counts, [0.1, 0.1, 0.6, 0.1, 0.1], atol=1e-4)
     assert np.mean([rho for _, rho in chosen]) == pytest.approx(1.0, abs=1e-4)  # E_b[π/b] = 1
@@ -23,7 +26,7 @@ def test_greedy_reads_the_row_that_starts_at_the_given_place():
 
 @pytest.mark.parametrize(
     ("name", "middle"), [("linear", 0.055), ("exponential", np.sqrt(0.1 * 0.01)), ("constant", 0.1)]
-)  # fmt: skip
+)
 def test_schedules_start_fall_and_stay(name, middle):
     kind = SCHEDULES.index(name)
     values = [epsilon_at(kind, 0.1, 0.01, 100.0, float(t)) for t in (0, 50, 100, 1000)]

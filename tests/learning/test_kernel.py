@@ -1,4 +1,6 @@
-"""The GQ(λ) kernel against independent oracles, against published results, and against its own identities."""
+"""The GQ(λ) kernel against independent oracles, against published results, and against its own
+identities.
+"""
 
 import json
 from pathlib import Path
@@ -19,26 +21,52 @@ def _lists(pairs):
 @pytest.mark.parametrize("name", ["trace1_lambda0", "trace2_lambda04"])
 def test_kernel_equals_the_oracle_after_every_step(name):
     oracle = json.loads((DATA / f"{name}.json").read_text())
-    theta, w = np.zeros(oracle["n"]), np.zeros(oracle["n"])
+    theta = np.zeros(oracle["n"])
+    w = np.zeros(oracle["n"])
     index, value, slot = new_trace(oracle["n"])
-    n, decay = 0, 0.0
+    n = 0
+    decay = 0.0
     for step, expected in zip(oracle["steps"], oracle["expected"], strict=True):
         if step["start"]:
-            slot[:], n, decay = -1, 0, 0.0
+            slot[:] = -1
+            n = 0
+            decay = 0.0
         n, delta, _ = gq_update(
-            theta, w, index, value, slot, n, *_lists(step["phi"]), *_lists(step["phi_bar"]), step["r"], step["z"], 1.0,
-            step["rho"], decay, step["gamma"], step["lambda"], oracle["alpha"], oracle["beta"], 0.0,
-        )  # fmt: skip
+            theta,
+            w,
+            index,
+            value,
+            slot,
+            n,
+            *_lists(step["phi"]),
+            *_lists(step["phi_bar"]),
+            step["r"],
+            step["z"],
+            1.0,
+            step["rho"],
+            decay,
+            step["gamma"],
+            step["lambda"],
+            oracle["alpha"],
+            oracle["beta"],
+            0.0,
+        )
         decay = step["gamma"] * step["lambda"]
         dense = np.zeros(oracle["n"])
         dense[index[:n]] = value[:n]
         for got, key in ((theta, "theta"), (w, "w"), (dense, "e"), (delta, "delta")):
-            np.testing.assert_allclose(got, expected[key], rtol=0, atol=1e-12, err_msg=f"{key} at step {expected['step']}")
+            np.testing.assert_allclose(
+                got, expected[key], rtol=0, atol=1e-12, err_msg=f"{key} at step {expected['step']}"
+            )
 
 
 def _dense_gq(steps, features, alpha, beta, lam):
-    """The equations of White & Sutton written with dense vectors: another way to compute the same."""
-    theta, w, e = np.zeros(features), np.zeros(features), np.zeros(features)
+    """The equations of White & Sutton written with dense vectors: another way to compute the
+    same.
+    """
+    theta = np.zeros(features)
+    w = np.zeros(features)
+    e = np.zeros(features)
     gamma_t = 0.0
     for phi, reward, bar, gamma, rho, z, interest in steps:
         delta = reward + (1 - gamma) * z + gamma * theta @ bar - theta @ phi
@@ -53,10 +81,21 @@ def _dense_gq(steps, features, alpha, beta, lam):
 def _random_steps(rng, features, count):
     steps = []
     for _ in range(count):
-        phi, bar = np.zeros(features), np.zeros(features)
+        phi = np.zeros(features)
+        bar = np.zeros(features)
         phi[rng.choice(features, 3, replace=False)] = rng.normal(size=3)
         bar[rng.choice(features, 3, replace=False)] = rng.normal(size=3)
-        steps.append((phi, rng.normal(), bar, rng.choice([0.0, 0.9]), rng.uniform(0, 1.1), rng.normal(), rng.uniform(0.5, 1.5)))
+        steps.append(
+            (
+                phi,
+                rng.normal(),
+                bar,
+                rng.choice([0.0, 0.9]),
+                rng.uniform(0, 1.1),
+                rng.normal(),
+                rng.uniform(0.5, 1.5),
+            )
+        )
     return steps
 
 
@@ -66,11 +105,18 @@ def test_sparse_kernel_equals_dense_equations_on_random_features(lam, beta):
     steps = _random_steps(rng, 12, 60)
     learner = GQ(12, 0.05, beta=beta)
     for phi, reward, bar, gamma, rho, z, interest in steps:
-        active, active_bar = np.flatnonzero(phi), np.flatnonzero(bar)
+        active = np.flatnonzero(phi)
+        active_bar = np.flatnonzero(bar)
         learner.learn(
-            (active, phi[active]), reward, (active_bar, bar[active_bar]),
-            gamma=gamma, lam=lam, rho=rho, outcome=z, interest=interest,
-        )  # fmt: skip
+            (active, phi[active]),
+            reward,
+            (active_bar, bar[active_bar]),
+            gamma=gamma,
+            lam=lam,
+            rho=rho,
+            outcome=z,
+            interest=interest,
+        )
     theta, w, e = _dense_gq(steps, 12, 0.05, beta, lam)
     for got, expected in ((learner.theta, theta), (learner.w, w), (learner.trace(), e)):
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12)
@@ -78,7 +124,8 @@ def test_sparse_kernel_equals_dense_equations_on_random_features(lam, beta):
 
 def test_with_lambda_one_the_secondary_weights_have_no_influence():
     steps = _random_steps(np.random.default_rng(1), 8, 40)
-    with_w, without = _dense_run(steps, beta=0.3, lam=1.0), _dense_run(steps, beta=0.0, lam=1.0)
+    with_w = _dense_run(steps, beta=0.3, lam=1.0)
+    without = _dense_run(steps, beta=0.0, lam=1.0)
     assert np.any(with_w.w != 0)
     np.testing.assert_array_equal(with_w.theta, without.theta)
 
@@ -87,7 +134,14 @@ def _dense_run(steps, beta, lam):
     learner = GQ(8, 0.05, beta=beta)
     for phi, reward, bar, gamma, rho, z, interest in steps:
         learner.learn(
-            (np.arange(8), phi), reward, (np.arange(8), bar), gamma=gamma, lam=lam, rho=rho, outcome=z, interest=interest
+            (np.arange(8), phi),
+            reward,
+            (np.arange(8), bar),
+            gamma=gamma,
+            lam=lam,
+            rho=rho,
+            outcome=z,
+            interest=interest,
         )
     return learner
 
@@ -100,7 +154,8 @@ def test_outcome_at_a_terminal_equals_adding_it_to_the_reward():
 
 
 def test_one_tile_and_lambda_zero_moves_w_to_the_td_error():
-    # w_i <- w_i + β (δ - w_i): with δ = 2 (θ = 0, r = 2, terminal) and β = 0.25, from w = 0: 0.5; then δ = 2 - 0.2, w = 0.825
+    # w_i <- w_i + β (δ - w_i): with δ = 2 (θ = 0, r = 2, terminal) and β = 0.25, from w = 0: 0.5;
+    # then δ = 2 - 0.2, w = 0.825
     learner = GQ(1, 0.1, beta=0.25)
     learner.learn(([0], [1.0]), 2.0, ([], []), gamma=0.0, lam=0.0, rho=1.0)
     assert learner.w[0] == pytest.approx(0.5, abs=1e-15)
@@ -112,7 +167,9 @@ def test_one_tile_and_lambda_zero_moves_w_to_the_td_error():
 def test_rho_has_no_effect_at_lambda_zero():
     steps = _random_steps(np.random.default_rng(2), 8, 30)
     other = [(phi, r, bar, g, 7.0 * rho, z, i) for phi, r, bar, g, rho, z, i in steps]
-    np.testing.assert_array_equal(_dense_run(steps, 0.1, 0.0).theta, _dense_run(other, 0.1, 0.0).theta)
+    np.testing.assert_array_equal(
+        _dense_run(steps, 0.1, 0.0).theta, _dense_run(other, 0.1, 0.0).theta
+    )
 
 
 def test_rho_zero_empties_the_old_trace_but_the_own_pair_still_learns():
@@ -124,7 +181,8 @@ def test_rho_zero_empties_the_old_trace_but_the_own_pair_still_learns():
 
 
 def test_the_terminal_error_is_credited_to_the_whole_trace():
-    # trap 1: decaying with this transition's γ = 0 would wipe the trace first; e = (0.9·0.5, 1), δ = 10
+    # trap 1: decaying with this transition's γ = 0 would wipe the trace first; e = (0.9·0.5, 1), δ
+    # = 10
     learner = GQ(2, 0.1)
     learner.learn(([0], [1.0]), 0.0, ([1], [1.0]), gamma=0.9, lam=0.5, rho=1.0)
     learner.learn(([1], [1.0]), 10.0, ([], []), gamma=0.0, lam=0.5, rho=1.0)
@@ -143,7 +201,8 @@ def test_a_cut_off_drops_small_entries_and_zero_keeps_all():
 
 
 def test_baird_star_q_learning_diverges_and_greedy_gq_does_not():
-    # facts: 7 states, solid -> state 7, dotted -> one of 1..6; behaviour solid 1/7; γ 0.99, θ = 1 but θ[7] = 10
+    # facts: 7 states, solid -> state 7, dotted -> one of 1..6; behaviour solid 1/7; γ 0.99, θ = 1
+    # but θ[7] = 10
     def features(state, solid):
         if not solid:
             return [7 + state + 1], [1.0]
@@ -160,7 +219,9 @@ def test_baird_star_q_learning_diverges_and_greedy_gq_does_not():
             solid = rng.random() < 1 / 7
             following = 6 if solid else int(rng.integers(6))
             best = q(following, True) >= q(following, False)
-            learner.learn(features(state, solid), 0.0, features(following, best), gamma=0.99, lam=lam, rho=1.0)
+            learner.learn(
+                features(state, solid), 0.0, features(following, best), gamma=0.99, lam=lam, rho=1.0
+            )
             state = following
         return max(abs(q(s, a)) for s in range(7) for a in (True, False))
 
@@ -174,7 +235,8 @@ def test_baird_star_q_learning_diverges_and_greedy_gq_does_not():
 def test_random_walk_reaches_the_published_values(beta, lam):
     rng = np.random.default_rng(3)
     expected = np.array([0.271334, 0.430689, 0.567347, 0.715970, 0.893312])
-    target, behaviour = np.array([0.3, 0.7]), np.array([0.5, 0.5])
+    target = np.array([0.3, 0.7])
+    behaviour = np.array([0.5, 0.5])
     learner = GQ(10, 0.01, beta=beta)
     for _ in range(20_000):
         learner.begin_episode()

@@ -29,7 +29,8 @@ def test_cells_are_half_open_and_outside_is_minus_one():
 
 @pytest.mark.parametrize("n", [2, 9, 40])
 def test_geometric_edges_fall_into_the_cell_that_they_open(n):
-    # floor(n log(x/lo) / log(hi/lo)) puts some edges into the cell below; a look-up in stored edges does not
+    # floor(n log(x/lo) / log(hi/lo)) puts some edges into the cell below; a look-up in stored edges
+    # does not
     tiles = Tiling.logarithmic(1.0, 4095.0, n)
     assert [tiles.index(edge) for edge in tiles.edges[:-1]] == list(range(n))
     ratio = tiles.edges[1:] / tiles.edges[:-1]
@@ -53,14 +54,18 @@ def test_compiled_and_vectorised_lookup_agree_with_the_method():
 
 
 @pytest.mark.parametrize(
-    "tiling", [Tiling.uniform(-0.07, 0.07, 9), Tiling.logarithmic(-0.7, 0.7, 9, inner=0.03)], ids=["uniform", "logarithmic"]
+    "tiling",
+    [Tiling.uniform(-0.07, 0.07, 9), Tiling.logarithmic(-0.7, 0.7, 9, inner=0.03)],
+    ids=["uniform", "logarithmic"],
 )
 def test_a_shifted_tiling_keeps_its_bounds_and_cuts_the_cells_at_the_ends(tiling):
     assert tiling.shifted(0.0) is tiling
     half = tiling.shifted(0.5)
     assert half.n == tiling.n + 1
     assert (half.edges[0], half.edges[-1]) == (tiling.edges[0], tiling.edges[-1])
-    np.testing.assert_allclose(half.edges[1:-1], tiling.centres, atol=1e-15)  # edges of the half shift are the old middles
+    np.testing.assert_allclose(
+        half.edges[1:-1], tiling.centres, atol=1e-15
+    )  # edges of the half shift are the old middles
     with pytest.raises(ValueError, match="part = 1.0; expected a number from 0 to below 1"):
         tiling.shifted(1.0)
 
@@ -72,7 +77,9 @@ def test_offset_grids_resolve_count_times_as_many_places_along_each_dimension(co
     assert len(grids) == count and grids[0].tilings == base.tilings
     for j in (0, 1):
         shifts = {round(float(grid.tilings[j].edges[1]), 9) for grid in grids}
-        assert shifts == {round(1 - k / count, 9) for k in range(count)}  # first inner edge at 1 - k/count, all different
+        assert shifts == {
+            round(1 - k / count, 9) for k in range(count)
+        }  # first inner edge at 1 - k/count, all different
     line = np.linspace(0, 4.999, 997)
     codes = {tuple(grid.index(x, 2.2) for grid in grids) for x in line}
     assert len(codes) == 5 * count
@@ -99,15 +106,24 @@ def test_grid_counts_the_last_tiling_fastest_and_knows_centres_and_bounds():
     [
         (lambda: Tiling.uniform(1.0, 1.0, 3), "lo = 1.0, hi = 1.0; expected lo < hi"),
         (lambda: Tiling.uniform(2.0, 1.0, 3), "expected lo < hi"),
-        (lambda: Tiling.uniform(0.0, 1.0, 0), "n = 0; expected a whole number of cells, at least 1"),
+        (
+            lambda: Tiling.uniform(0.0, 1.0, 0),
+            "n = 0; expected a whole number of cells, at least 1",
+        ),
         (lambda: Tiling.uniform(0.0, 1.0, 2.5), "n = 2.5"),
         (lambda: Tiling.uniform(0.0, 1.0, math.nan), "n = nan"),
         (lambda: Tiling.uniform(math.nan, 1.0, 3), "lo = nan"),
         (lambda: Tiling.uniform(0.0, math.inf, 3), "hi = inf"),
         (lambda: Tiling.logarithmic(0.0, 1.0, 3), "need lo > 0"),
-        (lambda: Tiling.logarithmic(-1.0, 1.0, 4, inner=0.1), "n = 4; with inner= the number of cells must be odd"),
+        (
+            lambda: Tiling.logarithmic(-1.0, 1.0, 4, inner=0.1),
+            "n = 4; with inner= the number of cells must be odd",
+        ),
         (lambda: Tiling.logarithmic(-1.0, 1.0, 1, inner=0.1), "at least 3"),
-        (lambda: Tiling.logarithmic(-1.0, 1.0, 5, inner=1.0), "inner = 1.0; expected a half width between 0 and 1"),
+        (
+            lambda: Tiling.logarithmic(-1.0, 1.0, 5, inner=1.0),
+            "inner = 1.0; expected a half width between 0 and 1",
+        ),
         (lambda: Tiling.logarithmic(-1.0, 1.0, 5, inner=math.nan), "inner = nan"),
         (lambda: Tiling(np.array([0.0, 1.0, 1.0]), "uniform"), "strictly increasing"),
         (lambda: Tiling.uniform(0.0, 1.0, 3).index(math.nan), "x = nan has no cell"),
@@ -117,7 +133,7 @@ def test_grid_counts_the_last_tiling_fastest_and_knows_centres_and_bounds():
         (lambda: TileGrid(Tiling.uniform(0, 1, 2)).index(0.1, 0.2), "2 values for 1 tilings"),
         (lambda: TileGrid(Tiling.uniform(0, 1, 2)).cells(2), "state 2; the grid has states 0 to 1"),
     ],
-)  # fmt: skip
+)
 def test_bad_tilings_are_refused_with_the_value(build, message):
     with pytest.raises(ValueError, match=message.replace("(", r"\(").replace(")", r"\)")):
         build()

@@ -1,4 +1,6 @@
-"""One contract for all back-ends of the robot API (R1): simulated, real protocols over real bytes, recorded."""
+"""One contract for all back-ends of the robot API (R1): simulated, real protocols over real bytes,
+recorded.
+"""
 
 import math
 import warnings
@@ -18,11 +20,16 @@ from workbench.study.recordings import Recorder
 from workbench.study.replay import RecordingEnded
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
-PATIENT = 10.0  # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers late
+# s: in lockstep a request that is repeated lets another period pass, and a busy machine answers
+# late
+PATIENT = 10.0
 WIRES = {  # name: protocol, options of the driver
-    "serial": ("epuck1", {}), "serial binary": ("epuck1", {"binary": True}), "bluetooth": ("epuck1-bt", {"variant": "epuck1-bt"}),
-    "overo": ("overo", {}), "tcp": ("epuck2", {}),
-}  # fmt: skip
+    "serial": ("epuck1", {}),
+    "serial binary": ("epuck1", {"binary": True}),
+    "bluetooth": ("epuck1-bt", {"variant": "epuck1-bt"}),
+    "overo": ("overo", {}),
+    "tcp": ("epuck2", {}),
+}
 BACK_ENDS = ["sim", *WIRES, "log"]
 
 
@@ -71,8 +78,16 @@ def test_a_with_block_connects_and_ends_the_connection_also_after_an_exception(b
 
 @every
 def test_every_sensor_that_is_promised_reads_plain_finite_numbers_in_range(backend):
-    sizes = {"proximity": 8, "light": 8, "floor": 3, "motor_speed": 2, "motor_position": 2, "accelerometer": 3, "selector": 1,
-             "battery": 1}  # fmt: skip
+    sizes = {
+        "proximity": 8,
+        "light": 8,
+        "floor": 3,
+        "motor_speed": 2,
+        "motor_position": 2,
+        "accelerometer": 3,
+        "selector": 1,
+        "battery": 1,
+    }
     promised = [sensor for sensor in SENSORS if sensor in backend.capabilities]
     assert {"proximity", "motor_speed"} <= set(promised)
     with backend:
@@ -82,9 +97,13 @@ def test_every_sensor_that_is_promised_reads_plain_finite_numbers_in_range(backe
             assert backend.step()
             for sensor in promised:
                 values = getattr(
-                    backend, f"get_{'light_sensor' if sensor == 'light' else sensor}" + "_sensors" * (sensor == "floor")
+                    backend,
+                    f"get_{'light_sensor' if sensor == 'light' else sensor}"
+                    + "_sensors" * (sensor == "floor"),
                 )()
-                assert isinstance(values, tuple) and all(isinstance(v, float) and math.isfinite(v) for v in values)
+                assert isinstance(values, tuple) and all(
+                    isinstance(v, float) and math.isfinite(v) for v in values
+                )
                 assert sensor == "microphone" or len(values) == sizes[sensor]
             assert all(0 <= value <= 4095 for value in backend.get_proximity())
 
@@ -229,7 +248,9 @@ def test_a_script_in_the_words_of_pyepuck_drives_all_robots_by_changing_the_cons
         else:
             protocol, options = WIRES[name]
             with Emulator(SimulatedRobot(CONFIG), protocol, rate=0) as emulator:
-                space["robot"] = open_robot(emulator.url, period_s=0.0, timeout_s=PATIENT, **options)
+                space["robot"] = open_robot(
+                    emulator.url, period_s=0.0, timeout_s=PATIENT, **options
+                )
                 exec(SCRIPT, space)
         results.append((space["travelled"], space["front"]))
     assert results[0] == results[1] == results[2] == results[3]

@@ -1,4 +1,6 @@
-"""Robots by description: the default is the e-puck to the last bit, others drive and are followed, wrong ones are refused."""
+"""Robots by description: the default is the e-puck to the last bit, others drive and are followed,
+wrong ones are refused.
+"""
 
 import json
 import math
@@ -16,7 +18,11 @@ LARGE = load_robot("large")
 
 def test_the_default_is_the_e_puck():
     assert load_robot("epuck") == EPUCK == RobotConfig()
-    assert EPUCK.step_m == geometry.STEP and EPUCK.ground_y == geometry.GROUND_SENSOR_Y and EPUCK.size == 1.0
+    assert (
+        EPUCK.step_m == geometry.STEP
+        and EPUCK.ground_y == geometry.GROUND_SENSOR_Y
+        and EPUCK.size == 1.0
+    )
 
 
 @pytest.mark.parametrize("drive", ["wheels", "planar"])
@@ -29,8 +35,13 @@ def test_a_large_robot_drives_and_turns_as_its_numbers_say(drive):
     for _ in range(20):
         world.step()
         x.append(world.pose(0, 0)[0])
-    assert x[-1] - x[10] == pytest.approx(800 * LARGE.step_m, rel=0.01)  # after the first second, in which it speeds up
-    assert x[-1] == pytest.approx(2.0 * 800 * LARGE.step_m, rel=0.03) and abs(world.pose(0, 0)[1]) < 0.01
+    assert x[-1] - x[10] == pytest.approx(
+        800 * LARGE.step_m, rel=0.01
+    )  # after the first second, in which it speeds up
+    assert (
+        x[-1] == pytest.approx(2.0 * 800 * LARGE.step_m, rel=0.03)
+        and abs(world.pose(0, 0)[1]) < 0.01
+    )
     world.place(0, 0, 0.0, 0.0, 0.0)
     world.command(0, 0, -200, 200)
     for _ in range(10):
@@ -43,7 +54,9 @@ def test_speeds_are_clamped_at_the_robots_own_limit():
     track = wb.make_track(wb.TrackConfig(judder="none", radius_m=3.0), np.random.default_rng(0))
     world = wb.World(0, [track], drive="planar", spacing_m=1.0, robot=LARGE)
     world.command(0, 0, 9000, 700)
-    assert world.ctrl[0, 0] == pytest.approx(LARGE.most_mps) and world.ctrl[0, 1] == pytest.approx(700 * LARGE.step_m)
+    assert world.ctrl[0, 0] == pytest.approx(LARGE.most_mps) and world.ctrl[0, 1] == pytest.approx(
+        700 * LARGE.step_m
+    )
 
 
 @pytest.mark.parametrize("drive", ["wheels", "planar"])
@@ -63,14 +76,28 @@ def test_scaling_there_and_back_gives_the_same_task():
     config = wb.ConvoyConfig(distance_tiling="logarithmic")
     large = config.with_robot(LARGE)
     assert large.middle_m / config.middle_m == pytest.approx(LARGE.size)
-    assert large.leader_speed_mps / LARGE.most_mps == pytest.approx(config.leader_speed_mps / EPUCK.most_mps)
+    assert large.leader_speed_mps / LARGE.most_mps == pytest.approx(
+        config.leader_speed_mps / EPUCK.most_mps
+    )
     back = large.with_robot(EPUCK)
-    assert back.middle_m == pytest.approx(config.middle_m) and back.track.radius_m == pytest.approx(config.track.radius_m)
+    assert back.middle_m == pytest.approx(config.middle_m) and back.track.radius_m == pytest.approx(
+        config.track.radius_m
+    )
 
 
 def test_a_description_of_ones_own_is_read_from_a_path(tmp_path):
     path = tmp_path / "mine.json"
-    path.write_text(json.dumps({"source": "measured", "body_radius_m": 0.05, "track_m": 0.08, "most_steps": 500, "timer_hz": 0}))
+    path.write_text(
+        json.dumps(
+            {
+                "source": "measured",
+                "body_radius_m": 0.05,
+                "track_m": 0.08,
+                "most_steps": 500,
+                "timer_hz": 0,
+            }
+        )
+    )
     robot = load_robot(path)
     assert robot.body_radius_m == 0.05 and robot.wheel_radius_m == EPUCK.wheel_radius_m
     assert robot.steps(0.03) == round(0.03 / EPUCK.step_m)
@@ -79,24 +106,40 @@ def test_a_description_of_ones_own_is_read_from_a_path(tmp_path):
 @pytest.mark.parametrize(
     ("content", "error", "message"),
     [
-        ('{"body_radius": 0.1}', TypeError, "mine.json: RobotConfig has no field 'body_radius'.*did you mean 'body_radius_m'"),
-        ('{"mass_kg": -1}', ValueError, "mine.json: RobotConfig.mass_kg = -1; expected a number from 0.01 to 500 kg"),
+        (
+            '{"body_radius": 0.1}',
+            TypeError,
+            "mine.json: RobotConfig has no field 'body_radius'.*did you mean 'body_radius_m'",
+        ),
+        (
+            '{"mass_kg": -1}',
+            ValueError,
+            "mine.json: RobotConfig.mass_kg = -1; expected a number from 0.01 to 500 kg",
+        ),
         ('{"track_m": 0.2}', ValueError, "expected wheels within the body"),
         ('{"wheel_mass_kg": 0.08}', ValueError, "expected less than half of it"),
-        ('{"inertia_kg_m2": [1e-4, 1e-4, 1.0]}', ValueError, "no body has a moment larger than the sum of the other two"),
+        (
+            '{"inertia_kg_m2": [1e-4, 1e-4, 1.0]}',
+            ValueError,
+            "no body has a moment larger than the sum of the other two",
+        ),
         ('{"most_steps": 20000}', ValueError, "expected a faster timer, or 0"),
         ("[1]", ValueError, "holds a list; expected an object"),
         ("{", ValueError, "is no JSON"),
     ],
 )
-def test_wrong_descriptions_are_refused_with_the_file_and_the_remedy(tmp_path, content, error, message):
+def test_wrong_descriptions_are_refused_with_the_file_and_the_remedy(
+    tmp_path, content, error, message
+):
     (tmp_path / "mine.json").write_text(content)
     with pytest.raises(error, match=message):
         load_robot(tmp_path / "mine.json")
 
 
 def test_a_large_robot_has_no_infrared_to_be_read():
-    with wb.open_robot("sim:", config=replace(wb.ConvoyConfig(drive="planar", followers=1).with_robot(LARGE))) as robot:
+    with wb.open_robot(
+        "sim:", config=replace(wb.ConvoyConfig(drive="planar", followers=1).with_robot(LARGE))
+    ) as robot:
         assert "proximity" not in robot.capabilities and "floor" in robot.capabilities
     with pytest.raises(TypeError, match="expected a RobotConfig, as load_robot"):
         wb.ConvoyConfig().with_robot("large")
@@ -110,9 +153,18 @@ def test_unknown_names_list_the_known_ones():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"sensing": "ir-metric"}, "with a robot that is no e-puck.*expected 'truth', 'truth-relative'"),
-        ({"distance_m": (0.4, 1.0)}, "two robots touch at 0.44 m: expected a near bound above that"),
-        ({"wheel_speed_mps": (0.2, 0.9)}, "expected at most 0.7964 m/s, what this robot's wheels do"),
+        (
+            {"sensing": "ir-metric"},
+            "with a robot that is no e-puck.*expected 'truth', 'truth-relative'",
+        ),
+        (
+            {"distance_m": (0.4, 1.0)},
+            "two robots touch at 0.44 m: expected a near bound above that",
+        ),
+        (
+            {"wheel_speed_mps": (0.2, 0.9)},
+            "expected at most 0.7964 m/s, what this robot's wheels do",
+        ),
     ],
 )
 def test_a_task_that_the_robot_cannot_do_is_refused(change, message):

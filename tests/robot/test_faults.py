@@ -1,4 +1,6 @@
-"""Links that fail (R2, R4): a robot is stopped where a channel is alive, first on reconnect, and nothing hangs."""
+"""Links that fail (R2, R4): a robot is stopped where a channel is alive, first on reconnect, and
+nothing hangs.
+"""
 
 import os
 import signal
@@ -56,12 +58,19 @@ def _inject(protocol, binary):
     """Inject faults into one kind of link; return how many."""
     chance = np.random.default_rng(sum(protocol.encode()))
     # late and split replies take half a second and closed terminals a new one: seldom
-    kinds = [kind for kind in FAULTS if not (protocol != "epuck2" and kind in ("hang up", "half open"))]
+    kinds = [
+        kind for kind in FAULTS if not (protocol != "epuck2" and kind in ("hang up", "half open"))
+    ]
     weights = np.array([0.02 if kind in ("late", "split") else 1.0 for kind in kinds])
-    slowest, raised, stopped, injected = 0.0, 0, 0, 0
+    slowest = 0.0
+    raised = 0
+    stopped = 0
+    injected = 0
     with _emulator(protocol) as emulator:
         options = {} if protocol == "epuck2" else {"binary": binary}
-        robot = open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT, watchdog_s=None, **options)
+        robot = open_robot(
+            emulator.url, period_s=0.0, timeout_s=TIMEOUT, watchdog_s=None, **options
+        )
         robot.enable("proximity")
         for _ in range(150):
             if not robot.is_connected():
@@ -72,7 +81,9 @@ def _inject(protocol, binary):
             robot.step()
             robot.set_motors_speed(400, 300)
             assert _speed(emulator) == (400, 300)
-            count = int(chance.choice([1, 2, 4]))  # one bad reply; both; so many that stop has no reply either
+            count = int(
+                chance.choice([1, 2, 4])
+            )  # one bad reply; both; so many that stop has no reply either
             injected += count
             chosen = [str(kind) for kind in chance.choice(kinds, count, p=weights / weights.sum())]
             for kind in chosen:
@@ -91,7 +102,10 @@ def _inject(protocol, binary):
                 stopped += 1
                 assert _speed(emulator) == (0, 0)  # the channel was alive: the robot stands
             if emulator._mute:
-                assert _speed(emulator) == (0, 0)  # the robot hears but cannot answer: it stands, too
+                assert _speed(emulator) == (
+                    0,
+                    0,
+                )  # the robot hears but cannot answer: it stands, too
             emulator.heal()
             if "late" in chosen or "split" in chosen:
                 time.sleep(0.6)  # until the emulator listens again
@@ -103,7 +117,10 @@ def _inject(protocol, binary):
 
 @pytest.mark.parametrize("protocol", ["epuck1", "epuck2"])
 def test_one_bad_reply_is_asked_for_again(protocol):
-    with _emulator(protocol) as emulator, open_robot(emulator.url, period_s=0.0, timeout_s=0.1) as robot:
+    with (
+        _emulator(protocol) as emulator,
+        open_robot(emulator.url, period_s=0.0, timeout_s=0.1) as robot,
+    ):
         robot.enable("proximity")
         robot.step()
         for kind in ("silent", "short"):
@@ -122,7 +139,10 @@ def test_a_terminal_that_vanishes_is_a_lost_link_and_a_new_one_hears_stop_first(
         emulator.replug()
         with pytest.raises(LinkLost) as caught:
             robot.step()
-        assert "may still be moving; stop is the first thing sent on reconnect" in caught.value.__notes__[0]
+        assert (
+            "may still be moving; stop is the first thing sent on reconnect"
+            in caught.value.__notes__[0]
+        )
         assert not robot.is_connected()
         robot.address = emulator.address
         before = len(emulator.heard)
@@ -159,7 +179,10 @@ def test_an_exception_in_the_controller_stops_the_robot():
 
 @pytest.mark.parametrize("protocol", ["epuck1", "overo", "epuck2"])
 def test_the_watchdog_stops_a_robot_whose_program_hangs(protocol):
-    with _emulator(protocol) as emulator, open_robot(emulator.url, period_s=0.05, watchdog_s=0.2) as robot:
+    with (
+        _emulator(protocol) as emulator,
+        open_robot(emulator.url, period_s=0.05, watchdog_s=0.2) as robot,
+    ):
         robot.enable("proximity")
         robot.step()
         robot.set_motors_speed(500, 500)
@@ -181,7 +204,10 @@ def test_the_watchdog_acts_while_compiled_code_computes():
 
     slow = njit(nogil=True)(burn)
     slow(10)
-    with _emulator("epuck1") as emulator, open_robot(emulator.url, period_s=0.0, watchdog_s=0.15) as robot:
+    with (
+        _emulator("epuck1") as emulator,
+        open_robot(emulator.url, period_s=0.0, watchdog_s=0.15) as robot,
+    ):
         robot.set_motors_speed(500, 500)
         begun = time.monotonic()
         while time.monotonic() - begun < 0.6:
@@ -210,7 +236,8 @@ def test_nobody_at_the_other_end_is_told_at_once():
 
 def _lose_a_byte_of(emulator, times):
     """Let the robot hear D,,0 instead of D,0,0, so many times."""
-    feed, left = emulator._firmware.feed, [times]
+    feed = emulator._firmware.feed
+    left = [times]
 
     def lossy(data):
         if left[0] and b"D,0,0" in data:
@@ -247,7 +274,10 @@ def test_closing_sends_stop_once_more_if_a_byte_of_it_is_lost():
 
 
 def test_the_late_half_of_a_binary_reply_is_never_taken_for_readings():
-    with _emulator("overo") as emulator, open_robot(emulator.url, period_s=0.0, timeout_s=0.25) as robot:
+    with (
+        _emulator("overo") as emulator,
+        open_robot(emulator.url, period_s=0.0, timeout_s=0.25) as robot,
+    ):
         known = tuple(float(100 * k) for k in range(1, 9))
         emulator.robot.get_proximity = lambda: known
         robot.enable("proximity")
@@ -270,7 +300,9 @@ def test_a_cut_off_packet_of_one_client_is_not_completed_by_the_next():
     with _emulator("epuck2") as emulator:
         host, port = emulator.address.split(":")
         with socket.create_connection((host, int(port))) as raw:
-            raw.sendall(struct.pack("<BBBhhB", 0x80, 0, 0, 700, 700, 0))  # the first bytes of a packet that drives
+            raw.sendall(
+                struct.pack("<BBBhhB", 0x80, 0, 0, 700, 700, 0)
+            )  # the first bytes of a packet that drives
             time.sleep(0.2)
         with open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT):
             assert _speed(emulator) == (0, 0)
@@ -295,7 +327,9 @@ def test_a_client_that_does_not_read_does_not_keep_the_emulator_from_closing():
         os.close(port)
 
 
-def test_a_period_that_begins_late_because_the_timer_overslept_counts_and_is_followed_by_a_whole_one(monkeypatch):
+def test_a_period_that_begins_late_as_the_timer_overslept_counts_and_a_whole_one_follows(
+    monkeypatch,
+):
     with SimulatedRobot(CONFIG, realtime=True) as robot:
         robot.enable("proximity")
         robot.step()
@@ -313,7 +347,9 @@ def test_raw_commands_that_drive_and_watchdogs_shorter_than_a_period_are_refused
     with _emulator("epuck1") as emulator, open_robot(emulator.url, period_s=0.0) as robot:
         with pytest.raises(ValueError, match="use set_motors_speed, which the watchdog knows of"):
             robot.send_and_receive("D,500,500")
-        with pytest.raises(ValueError, match=r"left = 40000; expected a whole number of motor steps, up to ±32767"):
+        with pytest.raises(
+            ValueError, match=r"left = 40000; expected a whole number of motor steps, up to ±32767"
+        ):
             robot.set_motor_position(40000, 0)
     for watchdog in (-1.0, 0.05, float("nan")):
         with pytest.raises(ValueError, match="watchdog_s = .* expected more than a control period"):
@@ -326,15 +362,29 @@ def test_raw_commands_that_drive_and_watchdogs_shorter_than_a_period_are_refused
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_program_that_is_told_to_end_stops_the_robot_first(tmp_path, number):
-    learned = learn(replace(CONFIG, state_tiles=(5, 5), action_levels=(3, 3)), steps=500, progress=False)
+    learned = learn(
+        replace(CONFIG, state_tiles=(5, 5), action_levels=(3, 3)), steps=500, progress=False
+    )
     learned.save(tmp_path / "run")
     with Emulator(SimulatedRobot(learned.config), "epuck1") as emulator:
-        arguments = ["drive", "--robot", emulator.url, "--weights", str(tmp_path / "run"), "--seconds", "60"]
-        program = subprocess.Popen([sys.executable, "-m", "workbench", *arguments], stderr=subprocess.PIPE)
+        arguments = [
+            "drive",
+            "--robot",
+            emulator.url,
+            "--weights",
+            str(tmp_path / "run"),
+            "--seconds",
+            "60",
+        ]
+        program = subprocess.Popen(
+            [sys.executable, "-m", "workbench", *arguments], stderr=subprocess.PIPE
+        )
         until = time.monotonic() + 120
         while _speed(emulator) == (0, 0) and time.monotonic() < until and program.poll() is None:
             time.sleep(0.05)
-        assert _speed(emulator) != (0, 0), program.stderr.read() if program.poll() is not None else "it never drove"
+        assert _speed(emulator) != (0, 0), (
+            program.stderr.read() if program.poll() is not None else "it never drove"
+        )
         program.send_signal(number)
         _, errors = program.communicate(timeout=30)
         assert program.returncode == 130 and b"the robot has been told to stop" in errors

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from workbench.robot.ground import CONTRAST, MODULES, NOISE, WHITE, darkness, extremes, ground_reading
+from workbench.robot.ground import (
+    CONTRAST,
+    MODULES,
+    NOISE,
+    WHITE,
+    darkness,
+    extremes,
+    ground_reading,
+)
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -17,7 +25,9 @@ def test_white_and_black_read_what_real_sensors_read(module, sensor):
 @pytest.mark.parametrize("dark", [0.0, 0.25, 0.5, 1.0])
 def test_calibration_inverts_the_reading_within_a_count(dark):
     for white, black in zip(WHITE, MODULES["a"], strict=True):
-        assert darkness(ground_reading(dark, white, black, 0.0), white, black) == pytest.approx(dark, abs=1 / 600)
+        assert darkness(ground_reading(dark, white, black, 0.0), white, black) == pytest.approx(
+            dark, abs=1 / 600
+        )
 
 
 def test_readings_are_whole_clipped_and_as_noisy_as_stated():
@@ -25,12 +35,16 @@ def test_readings_are_whole_clipped_and_as_noisy_as_stated():
     readings = np.array([ground_reading(0.5, 948.0, 287.0, n) for n in noise])
     assert np.all(readings == np.round(readings))
     assert readings.std() == pytest.approx(np.hypot(NOISE, 1 / np.sqrt(12)), rel=0.03)
-    assert ground_reading(0.0, 948.0, 338.0, 1e6) == 1023 and ground_reading(1.0, 948.0, 338.0, -1e6) == 0
+    assert (
+        ground_reading(0.0, 948.0, 338.0, 1e6) == 1023
+        and ground_reading(1.0, 948.0, 338.0, -1e6) == 0
+    )
     assert darkness(2000.0, 948.0, 338.0) == 0.0 and darkness(0.0, 948.0, 338.0) == 1.0
 
 
 def test_a_calibration_over_the_line_finds_each_sensors_own_black_and_white():
-    white, black = np.array(WHITE), np.array(MODULES["b"])
+    white = np.array(WHITE)
+    black = np.array(MODULES["b"])
     readings = [white + (black - white) * share for share in (0.0, 0.3, 1.0, 0.6)]
     found_white, found_black = extremes(readings)
     np.testing.assert_array_equal(found_white, white)
@@ -38,7 +52,9 @@ def test_a_calibration_over_the_line_finds_each_sensors_own_black_and_white():
 
 
 def test_a_calibration_that_saw_no_line_is_refused():
-    with pytest.raises(ValueError, match=f"at least {CONTRAST:g} counts of contrast.*turn the robot"):
+    with pytest.raises(
+        ValueError, match=f"at least {CONTRAST:g} counts of contrast.*turn the robot"
+    ):
         extremes([(948, 947, 949), (946, 948, 500)])
     with pytest.raises(ValueError, match="left, centre, right"):
         extremes([(948, 947)])

@@ -1,4 +1,6 @@
-"""The infrared model (N3, N4, N7): distance, angle, shape, saturation, noise, ambient light; inversion and its limits (N2)."""
+"""The infrared model (N3, N4, N7): distance, angle, shape, saturation, noise, ambient light;
+inversion and its limits (N2).
+"""
 
 import math
 from dataclasses import replace
@@ -19,7 +21,10 @@ CONFIG = InfraredConfig()
 
 def test_readings_fall_with_distance_for_every_target():
     for target in TARGETS:
-        light = [mean_light(d, 0.0, InfraredConfig(target=target))[0] for d in np.linspace(0.08, 0.29, 60)]
+        light = [
+            mean_light(d, 0.0, InfraredConfig(target=target))[0]
+            for d in np.linspace(0.08, 0.29, 60)
+        ]
         assert np.all(np.diff(light) < 0)
 
 
@@ -27,16 +32,21 @@ def test_a_sensor_sees_best_what_stands_in_its_axis():
     for k, bearing in enumerate(ir.BEARINGS):
         angles = np.linspace(-math.pi, math.pi, 361)
         light = [mean_light(0.1, angle, CONFIG)[k] for angle in angles]
-        assert abs(math.remainder(angles[int(np.argmax(light))] - bearing, 2 * math.pi)) < math.radians(2)
+        assert abs(
+            math.remainder(angles[int(np.argmax(light))] - bearing, 2 * math.pi)
+        ) < math.radians(2)
 
 
 def test_left_and_right_are_mirror_images():
     for bearing in np.radians([0, 7, 20, 50]):
-        np.testing.assert_allclose(mean_light(0.1, bearing, CONFIG), mean_light(0.1, -bearing, CONFIG)[::-1], rtol=1e-12)
+        np.testing.assert_allclose(
+            mean_light(0.1, bearing, CONFIG), mean_light(0.1, -bearing, CONFIG)[::-1], rtol=1e-12
+        )
 
 
 def test_a_cylinder_reads_about_half_of_a_wall_at_the_same_distance():
-    # public measurements at 19 mm: a big round target reads 0.57 of a wall's peak; the gap here is 19 mm too
+    # public measurements at 19 mm: a big round target reads 0.57 of a wall's peak; the gap here is
+    # 19 mm too
     wall = float(wall_light(np.array(19.0), np.array(0.0)))
     bearing = ir.BEARINGS[7]
     centre = 0.035 + 0.019 + TARGETS["cup"][0]
@@ -55,9 +65,13 @@ def test_noise_grows_as_measured(lit, low, high):
 
 def test_readings_are_whole_counts_of_twelve_bits_with_the_stated_noise():
     z = np.random.default_rng(0).standard_normal(20_000)
-    readings = np.array([ir.raw_reading(100.0, 1.0, 100.0, ir.DARK, n, 1 / math.sqrt(6)) for n in z])
+    readings = np.array(
+        [ir.raw_reading(100.0, 1.0, 100.0, ir.DARK, n, 1 / math.sqrt(6)) for n in z]
+    )
     assert np.all(readings == np.round(readings)) and readings.min() >= 0
-    assert readings.std() == pytest.approx(math.hypot(ir.noise_sd(100.0) / math.sqrt(6), 1 / math.sqrt(12)), rel=0.03)
+    assert readings.std() == pytest.approx(
+        math.hypot(ir.noise_sd(100.0) / math.sqrt(6), 1 / math.sqrt(12)), rel=0.03
+    )
     assert ir.raw_reading(1e9, 1.0, 700.0, ir.DARK, 0.0, 1.0) == 4095
 
 
@@ -97,7 +111,9 @@ def test_inversion_returns_distance_and_bearing_inside_the_working_range():
     for distance in np.linspace(0.08, 0.13, 11):
         for bearing in np.radians(np.linspace(-25, 25, 11)):
             d, b = invert(table, *front_pair(distance, bearing, CONFIG))
-            assert d == pytest.approx(distance, abs=0.6e-3) and b == pytest.approx(bearing, abs=math.radians(0.6))
+            assert d == pytest.approx(distance, abs=0.6e-3) and b == pytest.approx(
+                bearing, abs=math.radians(0.6)
+            )
 
 
 def test_inversion_gives_finite_numbers_for_any_readings():
@@ -128,12 +144,25 @@ def test_the_compiled_formula_is_what_rays_see(target):
         world.place(0, 0, 0.01, -0.02, heading)
         centres = []
         for robot in (1, 2):  # they may hide each other
-            angle, distance = rng.uniform(-math.pi, math.pi), rng.uniform(0.08, 0.25)
+            angle = rng.uniform(-math.pi, math.pi)
+            distance = rng.uniform(0.08, 0.25)
             centres.append((0.01 + distance * math.cos(angle), -0.02 + distance * math.sin(angle)))
             world.place(0, robot, *centres[-1], rng.uniform(-3, 3))
         cx, cy = np.array(centres).T.copy()
         formula = [
-            ir.circles_light(k, 0.01, -0.02, math.cos(heading), math.sin(heading), cx, cy, 2, radius, strength, beacon)
+            ir.circles_light(
+                k,
+                0.01,
+                -0.02,
+                math.cos(heading),
+                math.sin(heading),
+                cx,
+                cy,
+                2,
+                radius,
+                strength,
+                beacon,
+            )
             for k in range(8)
         ]
         np.testing.assert_allclose(rays.light(0, 0), formula, rtol=1e-9, atol=1e-9)
@@ -155,7 +184,9 @@ def test_impossible_sensors_are_refused(values, message):
 
 
 def test_more_samples_make_readings_quieter_by_the_root_of_their_number():
-    assert replace(CONFIG, samples=4).noise_counts == pytest.approx(replace(CONFIG, samples=1).noise_counts / 2)
+    assert replace(CONFIG, samples=4).noise_counts == pytest.approx(
+        replace(CONFIG, samples=1).noise_counts / 2
+    )
 
 
 def test_without_noise_two_readings_determine_a_place_exactly():

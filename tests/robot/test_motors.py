@@ -7,11 +7,24 @@ import pytest
 from workbench.robot import geometry
 from workbench.robot.motors import motor_speed, speed_from_steps, steps_from_speed, twist
 
-# measured from the firmware's rule, gctronic/e-puck-library e_motors.c: period = int(10000 / |v|) ticks of 0.1 ms
+# measured from the firmware's rule, gctronic/e-puck-library e_motors.c: period = int(10000 / |v|)
+# ticks of 0.1 ms
 FIRMWARE = {
-    150: 151.5, 300: 303, 350: 357, 450: 454.5, 550: 555.6, 600: 625, 650: 667, 700: 714, 750: 769, 800: 833, 850: 909,
-    900: 909, 950: 1000, 1000: 1000,
-}  # fmt: skip
+    150: 151.5,
+    300: 303,
+    350: 357,
+    450: 454.5,
+    550: 555.6,
+    600: 625,
+    650: 667,
+    700: 714,
+    750: 769,
+    800: 833,
+    850: 909,
+    900: 909,
+    950: 1000,
+    1000: 1000,
+}
 
 
 @pytest.mark.parametrize(("command", "real"), FIRMWARE.items())

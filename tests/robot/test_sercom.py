@@ -1,4 +1,6 @@
-"""SerCom and e-puck2 packets: decoders that never guess, and a firmware with the real one's traps."""
+"""SerCom and e-puck2 packets: decoders that never guess, and a firmware with the real one's
+traps.
+"""
 
 import struct
 from dataclasses import replace
@@ -12,7 +14,14 @@ from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
 from workbench.robot.epuck2 import SENSOR_BYTES, command, parse_sensors
 from workbench.robot.faults import BadReply
-from workbench.robot.sercom import VARIANTS, ascii_numbers, ascii_request, binary_numbers, binary_request, check_counts
+from workbench.robot.sercom import (
+    VARIANTS,
+    ascii_numbers,
+    ascii_request,
+    binary_numbers,
+    binary_request,
+    check_counts,
+)
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 
@@ -51,7 +60,15 @@ def test_any_packet_is_sensors_or_a_bad_reply(data):
 
 
 @pytest.mark.parametrize(
-    "line", [b"n,1,2,3", b"m,1,2,3,4,5,6,7,8", b"n,1,2,3,4,5,6,7,8.5", b"n,1,2,3,4,5,6,7,99999", b"", b"n,1, 2,3,4,5,6,7,8"]
+    "line",
+    [
+        b"n,1,2,3",
+        b"m,1,2,3,4,5,6,7,8",
+        b"n,1,2,3,4,5,6,7,8.5",
+        b"n,1,2,3,4,5,6,7,99999",
+        b"",
+        b"n,1, 2,3,4,5,6,7,8",
+    ],
 )
 def test_a_wrong_line_is_named(line):
     with pytest.raises(BadReply, match="expected"):
@@ -59,7 +76,8 @@ def test_a_wrong_line_is_named(line):
 
 
 def test_readings_below_zero_on_the_wire_are_zero():
-    # N = max(0, raw - offset) on the robot; where a firmware lets it fall below, clients that unpack unsigned see 65 000 and more
+    # N = max(0, raw - offset) on the robot; where a firmware lets it fall below, clients that
+    # unpack unsigned see 65 000 and more
     assert check_counts("proximity", (65530, -3, 12)) == (0.0, 0.0, 12.0)
 
 
@@ -71,10 +89,15 @@ def body():
 
 @given(st.lists(st.binary(max_size=30), max_size=5))
 def test_no_bytes_break_a_firmware_and_a_zero_and_a_line_wake_it(body, chunks):
-    for firmware in (SerComFirmware(body, VARIANTS["epuck1"]), SerComFirmware(body, VARIANTS["overo"])):
+    for firmware in (
+        SerComFirmware(body, VARIANTS["epuck1"]),
+        SerComFirmware(body, VARIANTS["overo"]),
+    ):
         for chunk in chunks:
             firmware.feed(chunk)
-        firmware.feed(bytes(8) + b"\r")  # ends whatever operands a chain still waits for, and the chain
+        firmware.feed(
+            bytes(8) + b"\r"
+        )  # ends whatever operands a chain still waits for, and the chain
         assert firmware.feed(b"D,0,0\rE\r").endswith(b"e,0,0\r\n")
     packets = EPuck2Firmware(body)
     for chunk in chunks:
@@ -91,10 +114,14 @@ def test_a_binary_command_without_its_end_leaves_the_robot_deaf_to_lines(body):
 
 
 def test_the_overo_has_ten_values_and_no_floor(body):
-    overo, epuck1 = SerComFirmware(body, VARIANTS["overo"]), SerComFirmware(body, VARIANTS["epuck1"])
+    overo = SerComFirmware(body, VARIANTS["overo"])
+    epuck1 = SerComFirmware(body, VARIANTS["epuck1"])
     assert overo.feed(b"M\r") == b"" and overo.feed(binary_request(("M",))) == b""
     assert overo.feed(b"N\r").count(b",") == 10 and epuck1.feed(b"N\r").count(b",") == 8
-    assert len(overo.feed(binary_request(("N",), ("E",)))) == 24 and len(epuck1.feed(binary_request(("N",), ("M",)))) == 26
+    assert (
+        len(overo.feed(binary_request(("N",), ("E",)))) == 24
+        and len(epuck1.feed(binary_request(("N",), ("M",)))) == 26
+    )
     assert SerComFirmware(body, VARIANTS["epuck1-bt"]).feed(b"M\r").count(b",") == 3
 
 
@@ -113,4 +140,6 @@ def test_the_firmware_clamps_echoes_and_wraps(body):
 def test_requests_are_the_bytes_that_the_firmware_documents():
     assert ascii_request("N") == b"N\r"
     assert binary_request(("N",)) == bytes([256 - ord("N"), 0])
-    assert command(1, -2, sensors=True, calibrate=True, position=True, leds=3)[:8] == struct.pack("<BBBhhB", 0x80, 2, 5, 1, -2, 3)
+    assert command(1, -2, sensors=True, calibrate=True, position=True, leds=3)[:8] == struct.pack(
+        "<BBBhhB", 0x80, 2, 5, 1, -2, 3
+    )

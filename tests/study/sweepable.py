@@ -40,7 +40,11 @@ def pid(_):
 
 def learn_a_little(config):
     run = learn(config, steps=300, progress=False)
-    return {"seed": config.seed, "theta": hashlib.sha256(run.policy.theta.tobytes()).hexdigest(), "losses": run.summary["losses"]}
+    return {
+        "seed": config.seed,
+        "theta": hashlib.sha256(run.policy.theta.tobytes()).hexdigest(),
+        "losses": run.summary["losses"],
+    }
 
 
 def sign_in(config):

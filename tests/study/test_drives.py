@@ -1,4 +1,6 @@
-"""Paths at constant commands: exact rolling by hand, and the leader's deviation on a line without judder."""
+"""Paths at constant commands: exact rolling by hand, and the leader's deviation on a line without
+judder.
+"""
 
 import math
 
@@ -11,9 +13,11 @@ from workbench.study.drives import drive_path, exact_rolling, fidelity, leader_o
 
 
 def test_exact_rolling_by_hand():
-    # 250 and 500 steps/s are met exactly (40 and 20 ticks): v = 375 steps/s, turn = 250 steps/s over the track
+    # 250 and 500 steps/s are met exactly (40 and 20 ticks): v = 375 steps/s, turn = 250 steps/s
+    # over the track
     path = exact_rolling(250, 500, 2.0).iloc[-1]
-    speed, turn = 375 * STEP, 250 * STEP / TRACK
+    speed = 375 * STEP
+    turn = 250 * STEP / TRACK
     assert path["heading_rad"] == pytest.approx(2 * turn)
     assert path["x_m"] == pytest.approx(speed / turn * math.sin(2 * turn))
     assert exact_rolling(500, 500, 1.0)["x_m"].iloc[-1] == pytest.approx(500 * STEP)
@@ -22,7 +26,9 @@ def test_exact_rolling_by_hand():
 @pytest.mark.parametrize("drive", ["wheels", "planar"])
 def test_headings_count_on_beyond_half_a_turn(drive):
     path = drive_path(drive, -500, 500, 4.0)
-    assert path["heading_rad"].iloc[-1] == pytest.approx(exact_rolling(-500, 500, 4.0)["heading_rad"].iloc[-1], rel=0.01)
+    assert path["heading_rad"].iloc[-1] == pytest.approx(
+        exact_rolling(-500, 500, 4.0)["heading_rad"].iloc[-1], rel=0.01
+    )
     assert path["heading_rad"].iloc[-1] > 2 * math.pi
 
 

@@ -15,7 +15,14 @@ def _table():
     for spacing in ("uniform", "logarithmic"):
         for tiles in (9, 3):
             for seed in range(1, 11):
-                lines.append((spacing, tiles, seed, 10.0 / tiles + seed + (spacing == "logarithmic") + 0.01 * rng.normal()))
+                lines.append(
+                    (
+                        spacing,
+                        tiles,
+                        seed,
+                        10.0 / tiles + seed + (spacing == "logarithmic") + 0.01 * rng.normal(),
+                    )
+                )
     return pd.DataFrame(lines, columns=["spacing", "tiles", "seed", "error"])
 
 
@@ -33,11 +40,15 @@ def test_conditions_keep_their_order_and_count_their_seeds():
 
 
 def test_differences_are_paired_within_the_other_keys():
-    effect = difference(_table(), ["spacing", "tiles"], "error", {"spacing": "uniform"}).set_index(["spacing", "tiles"])
+    effect = difference(_table(), ["spacing", "tiles"], "error", {"spacing": "uniform"}).set_index(
+        ["spacing", "tiles"]
+    )
     assert effect.loc[("uniform", 3)][["value", "low", "high"]].tolist() == [0, 0, 0]
     for tiles in (3, 9):
         line = effect.loc[("logarithmic", tiles)]
-        assert 0.98 < line["low"] < line["high"] < 1.02  # although the seeds themselves spread over 9
+        assert (
+            0.98 < line["low"] < line["high"] < 1.02
+        )  # although the seeds themselves spread over 9
     with pytest.raises(ValueError, match=r"has seeds \[\]"):
         difference(_table(), ["spacing", "tiles"], "error", {"spacing": "square"})
 
@@ -56,11 +67,19 @@ def test_keys_that_mix_conditions_or_clash_with_the_result_are_refused():
     with pytest.raises(ValueError, match=r"keys \['value'\] are names of the result"):
         by_condition(_table().rename(columns={"tiles": "value"}), ["spacing", "value"], "error")
     unnamed = _table().assign(spacing=lambda t: t["spacing"].where(t["spacing"] == "uniform"))
-    assert len(by_condition(unnamed, ["spacing", "tiles"], "error")) == 4  # a missing name is a name
+    assert (
+        len(by_condition(unnamed, ["spacing", "tiles"], "error")) == 4
+    )  # a missing name is a name
 
 
 @pytest.mark.parametrize(
-    ("lows", "wanted"), [([-1, 0.5, -0.1, 2, 3], 4), ([1, 1, 1, 1, 1], 1), ([1, 1, 1, 1, -1], np.inf), ([-1, -1, -1, -1, 0.1], 5)]
+    ("lows", "wanted"),
+    [
+        ([-1, 0.5, -0.1, 2, 3], 4),
+        ([1, 1, 1, 1, 1], 1),
+        ([1, 1, 1, 1, -1], np.inf),
+        ([-1, -1, -1, -1, 0.1], 5),
+    ],
 )
 def test_an_effect_is_clear_from_the_level_after_which_every_interval_is_above_zero(lows, wanted):
     lines = pd.DataFrame({"level": [1, 2, 3, 4, 5], "low": lows}).sample(frac=1, random_state=0)
@@ -68,12 +87,17 @@ def test_an_effect_is_clear_from_the_level_after_which_every_interval_is_above_z
 
 
 def test_numbers_in_words():
-    assert said({"value": 3.21, "low": 2.9, "high": 3.64, "seeds": 10}, "mm") == "3.2 mm [2.9, 3.6], n = 10"
+    assert (
+        said({"value": 3.21, "low": 2.9, "high": 3.64, "seeds": 10}, "mm")
+        == "3.2 mm [2.9, 3.6], n = 10"
+    )
 
 
 def test_plots_show_every_condition_with_its_seeds_and_kind_of_interval():
     summary = by_condition(_table(), ["spacing", "tiles"], "error")
-    assert curves(summary, "tiles", by="spacing", xlabel="", ylabel="", log=True).get_yscale() == "log"
+    assert (
+        curves(summary, "tiles", by="spacing", xlabel="", ylabel="", log=True).get_yscale() == "log"
+    )
     ax = curves(summary, "tiles", by="spacing", xlabel="tiles", ylabel="error in mm")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["uniform", "logarithmic"]
     assert "95 % bootstrap interval over seeds, n = 10" in ax.get_title(loc="left")

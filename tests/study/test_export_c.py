@@ -19,7 +19,9 @@ needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
 
 
 def _policy(config, seed=0):
-    return wb.Policy.of(config, np.random.default_rng(seed).normal(size=(1, config.rows, config.actions)))
+    return wb.Policy.of(
+        config, np.random.default_rng(seed).normal(size=(1, config.rows, config.actions))
+    )
 
 
 def _compiled(path):
@@ -41,22 +43,28 @@ def _compiled(path):
 @pytest.mark.parametrize(
     "changes",
     [
-        {}, {"state_tiles": (5, 5), "action_levels": (3, 3)}, {"state_tiles": (5, 5), "tilings": 4}, {"state_tiles": (1, 3)},
+        {},
+        {"state_tiles": (5, 5), "action_levels": (3, 3)},
+        {"state_tiles": (5, 5), "tilings": 4},
+        {"state_tiles": (1, 3)},
         {"state_tiles": (1, 1)},
         {"distance_tiling": "uniform", "bearing_tiling": "uniform", "action_levels": (17, 17)},
     ],
-)  # fmt: skip
+)
 def test_c_and_python_agree_on_every_tile_and_edge(tmp_path, changes):
     config = replace(RAW, **changes)
     policy = _policy(config)
     sizes = export_c(policy, tmp_path / "policy.c")
     speeds = _compiled(tmp_path / "policy.c")
-    grids, theta = config.grids(), policy.theta[0]
+    grids = config.grids()
+    theta = policy.theta[0]
 
     def choose(left, right):
-        value, first = np.zeros(config.actions), 0
+        value = np.zeros(config.actions)
+        first = 0
         for grid in grids:
-            value, first = value + theta[first + grid.index(left, right)], first + grid.n
+            value = value + theta[first + grid.index(left, right)]
+            first = first + grid.n
         action = int(np.argmax(value))
         return int(policy.left_steps[action // len(policy.right_steps)]), int(
             policy.right_steps[action % len(policy.right_steps)]
@@ -77,12 +85,14 @@ def test_c_and_python_agree_on_every_tile_and_edge(tmp_path, changes):
 def test_c_drives_as_the_compiled_follower_does(tmp_path):
     policy = _policy(RAW, 3)
     export_c(policy, tmp_path / "policy.c")
-    speeds, follower = _compiled(tmp_path / "policy.c"), SoloFollower(RAW, policy)
+    speeds = _compiled(tmp_path / "policy.c")
+    follower = SoloFollower(RAW, policy)
     followed = 0
     for left in range(15, 400, 7):
         for right in range(15, 400, 11):
             readings = np.zeros(8)
-            readings[7], readings[0] = left, right
+            readings[7] = left
+            readings[0] = right
             commands = follower.decide(readings)
             if follower.record["phase"] == 0:
                 followed += 1
@@ -94,14 +104,20 @@ def test_the_file_uses_whole_numbers_and_calls_nothing(tmp_path):
     sizes = export_c(_policy(RAW), tmp_path / "policy.c", source="a */ sneaky /* source\nof words")
     text = (tmp_path / "policy.c").read_text()
     assert not {"float", "double", "malloc", "printf"} & set(text.replace("(", " ").split())
-    assert text.count("#include") == 1 and "#include <stdint.h>" in text and sizes["table_bytes"] < 1000
+    assert (
+        text.count("#include") == 1
+        and "#include <stdint.h>" in text
+        and sizes["table_bytes"] < 1000
+    )
     assert text.count("*/") == 1
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path):
     metric = replace(RAW, sensing="ir-metric")
     with pytest.raises(
-        ValueError, match=r"sensing = 'ir-metric', tiles in m and rad; expected counts.*Learn with sensing='ir-raw'"
+        ValueError,
+        match=r"sensing = 'ir-metric', tiles in m and rad; expected counts.*Learn with "
+        r"sensing='ir-raw'",
     ):
         export_c(_policy(metric), tmp_path / "policy.c")
     with pytest.raises(ValueError, match="expected a name that ends in .c"):

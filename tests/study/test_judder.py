@@ -23,11 +23,17 @@ ORACLE = json.loads((Path(__file__).parents[1] / "data" / "smoothness.json").rea
 
 
 def _on_the_circle(offsets, loops=6.0, speed=0.06, fs=10.0):
-    """Robots that drive a circle of 0.5 m anticlockwise with lateral offsets(s), left positive, one function per robot."""
+    """Robots that drive a circle of 0.5 m anticlockwise with lateral offsets(s), left positive, one
+    function per robot.
+    """
     along = np.arange(0, (loops + 0.5) * LOOP, speed / fs)
     angle = along / 0.5
     radii = np.stack([0.5 - offset(along) for offset in offsets], axis=1)
-    return Motion.of_path(np.stack([radii * np.cos(angle)[:, None], radii * np.sin(angle)[:, None]], axis=-1), fs, TRACK)
+    return Motion.of_path(
+        np.stack([radii * np.cos(angle)[:, None], radii * np.sin(angle)[:, None]], axis=-1),
+        fs,
+        TRACK,
+    )
 
 
 def _wave(harmonic, mm, phase=0.0):
@@ -56,7 +62,9 @@ def test_attenuation_and_amplification_come_out_as_gain_product_and_coherence(ga
 
 def test_a_pure_delay_in_space_changes_neither_gain_nor_coherence():
     table = judder(_on_the_circle([_wave(16, 2.0), _wave(16, 2.0, phase=-1.3)]))
-    assert table["gain"][1] == pytest.approx(1.0, rel=1e-3) and table["coherence"][1] == pytest.approx(1.0, abs=1e-6)
+    assert table["gain"][1] == pytest.approx(1.0, rel=1e-3) and table["coherence"][
+        1
+    ] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_white_noise_is_found_with_its_power_and_is_not_coherent():
@@ -67,18 +75,23 @@ def test_white_noise_is_found_with_its_power_and_is_not_coherent():
     # white noise of σ² spreads evenly up to 1 / (2 · 5 mm) = 100 cycles/m: σ²/100 each
     np.testing.assert_allclose(found.before[band].mean(), 1e-6 / 100, rtol=0.05)
     assert found.coherence[band].mean() == pytest.approx(1 / 200, abs=0.004)  # bias of 200 averages
-    assert np.median(found.gain[band]) < 0.15  # H1 is not fooled by what is not transmitted, though both are as strong
+    assert (
+        np.median(found.gain[band]) < 0.15
+    )  # H1 is not fooled by what is not transmitted, though both are as strong
 
 
 def test_coherence_is_the_transmitted_part_of_the_power():
-    # output = 0.5 · input + noise of the same power as what is transmitted: γ² = 1/2, H1 = 0.5, G = 0.5 · √2
+    # output = 0.5 · input + noise of the same power as what is transmitted: γ² = 1/2, H1 = 0.5, G =
+    # 0.5 · √2
     rng = np.random.default_rng(2)
     before = rng.normal(size=300 * 628)
     after = 0.5 * before + 0.5 * rng.normal(size=before.size)
     found = transfer(before, after, 628, 0.005)
     assert found.coherence.mean() == pytest.approx(0.5, abs=0.02)
     assert np.median(found.gain) == pytest.approx(0.5, abs=0.02)
-    assert math.sqrt(found.after.sum() / found.before.sum()) == pytest.approx(0.5 * math.sqrt(2), rel=0.01)
+    assert math.sqrt(found.after.sum() / found.before.sum()) == pytest.approx(
+        0.5 * math.sqrt(2), rel=0.01
+    )
 
 
 @pytest.mark.parametrize("case", ORACLE["tractrix_gain_sinusoid"]["values"])
@@ -86,12 +99,16 @@ def test_tractrix_gain_by_wavelength(case):
     """Formula and pulled rods against an independent integration."""
     values = ORACLE["tractrix_gain_sinusoid"]["values"][case]
     distance, wavelength = (float(part.split("=")[1]) for part in case.split(","))
-    assert tractrix_gain(distance, wavelength) == pytest.approx(values["amplitude_ratio_linear_1/sqrt(1+(2pi d/L)^2)"], abs=1e-12)
+    assert tractrix_gain(distance, wavelength) == pytest.approx(
+        values["amplitude_ratio_linear_1/sqrt(1+(2pi d/L)^2)"], abs=1e-12
+    )
     x = np.arange(0, 2 + 10 * wavelength, 0.002)
     path = np.stack([x, 0.001 * np.sin(2 * np.pi * x / wavelength)], axis=1)
     rod = tractrix_line(path, distance, 1)[:, 1]
     late = rod[rod[:, 0] > 2]
-    assert np.abs(late[:, 1]).max() / 0.001 == pytest.approx(values["amplitude_ratio_ode"], abs=2e-3)
+    assert np.abs(late[:, 1]).max() / 0.001 == pytest.approx(
+        values["amplitude_ratio_ode"], abs=2e-3
+    )
     np.testing.assert_allclose(np.linalg.norm(rod - path, axis=1), distance, atol=1e-9)
 
 
@@ -113,7 +130,9 @@ def test_the_ideal_follower_has_no_excess_on_a_real_leader_s_path():
     ideal = Motion.of_path(tractrix_line(leader.position[:, 0], 0.15, 2), 10.0, leader.track)
     table = judder(ideal)
     assert table["excess"][1] == pytest.approx(1.0, abs=0.02) and table["coherence"][1] > 0.99
-    assert table["excess"][2] == pytest.approx(0.96, abs=0.04)  # on a smaller circle waves are shorter than along the loop
+    assert table["excess"][2] == pytest.approx(
+        0.96, abs=0.04
+    )  # on a smaller circle waves are shorter than along the loop
     assert judder(leader)["excess"][1] == pytest.approx(1.0, abs=0.05)  # a carrot is nearly a rod
 
 
@@ -123,7 +142,9 @@ def test_added_judder_is_excess():
     ideal = judder(Motion.of_path(line, 10.0, driven.track))["judder_mm"][1]
     angle = np.unwrap(np.arctan2(line[:, 1, 1], line[:, 1, 0]))
     shaken = line.copy()
-    radius = np.linalg.norm(line[:, 1], axis=1) + 0.001 * math.sqrt(2) * np.sin(0.5 * angle * 2 * np.pi / 0.17)
+    radius = np.linalg.norm(line[:, 1], axis=1) + 0.001 * math.sqrt(2) * np.sin(
+        0.5 * angle * 2 * np.pi / 0.17
+    )
     shaken[:, 1] = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     table = judder(Motion.of_path(shaken, 10.0, driven.track))
     assert table["judder_mm"][1] == pytest.approx(math.hypot(ideal, 1.0), rel=0.1)  # powers add
@@ -134,7 +155,9 @@ def test_the_branches_of_a_figure_eight_are_told_apart():
     track = make_track(TrackConfig(shape="eight", judder="none"), np.random.default_rng(0))
     path = np.concatenate([track.nominal] * 3)[::6]
     found = deviations(Motion.of_path(path, 10.0, track), track)
-    assert found.loops == 2 and np.abs(found.lateral).max() < 1e-4  # a jump to the other branch would be centimetres
+    assert (
+        found.loops == 2 and np.abs(found.lateral).max() < 1e-4
+    )  # a jump to the other branch would be centimetres
 
 
 def test_a_robot_that_turns_where_the_eight_crosses_itself_loses_no_lap():
@@ -143,7 +166,9 @@ def test_a_robot_that_turns_where_the_eight_crosses_itself_loses_no_lap():
     motion = Motion.of_path(path, 10.0, track)
     centre = np.flatnonzero(np.hypot(*path.T) < 0.01)[2]
     heading = motion.heading.copy()
-    heading[centre : centre + 8, 0] += np.linspace(0, np.pi / 2, 8)  # looks along the other branch for a moment
+    heading[centre : centre + 8, 0] += np.linspace(
+        0, np.pi / 2, 8
+    )  # looks along the other branch for a moment
     turned = deviations(replace(motion, heading=heading), track)
     quiet = deviations(motion, track)
     assert turned.loops == quiet.loops == 3
@@ -153,13 +178,18 @@ def test_a_robot_that_turns_where_the_eight_crosses_itself_loses_no_lap():
 def test_convoys_longer_than_half_a_loop_keep_their_order():
     config = ConvoyConfig(followers=14, drive="planar", seed=1)
     table = judder(follow(CarrotPI(), config, minutes=6))
-    assert 0.5 * config.followers * 0.15 < make_track(config.track, np.random.default_rng(0), convoy_length_m=2.1).length_m
+    assert (
+        0.5 * config.followers * 0.15
+        < make_track(config.track, np.random.default_rng(0), convoy_length_m=2.1).length_m
+    )
     assert (table["gain"][1:] < 5).all() and (table["coherence"][1:3] > 0.9).all()
 
 
 def test_coherence_of_few_loops_is_not_told_and_unrelated_motion_shows_its_bias():
     few = judder(_on_the_circle([_wave(16, 2.0), _wave(17, 2.0)], loops=3.0))
-    assert few["loops"][1] == 3 and np.isnan(few["coherence"][1]) and np.isnan(few["transmitted"][1])
+    assert (
+        few["loops"][1] == 3 and np.isnan(few["coherence"][1]) and np.isnan(few["transmitted"][1])
+    )
     rng = np.random.default_rng(3)
     for loops in (4, 22):
         found = transfer(*rng.normal(size=(2, loops * 628)), 628, 0.005)
@@ -167,7 +197,8 @@ def test_coherence_of_few_loops_is_not_told_and_unrelated_motion_shows_its_bias(
 
 
 def test_on_a_stadium_geometry_itself_is_in_the_band():
-    # the limit that the module's manual states: X says nothing there, as ideal rods already have 1.1 and 1.6
+    # the limit that the module's manual states: X says nothing there, as ideal rods already have
+    # 1.1 and 1.6
     track = make_track(TrackConfig(shape="stadium"), np.random.default_rng(3))
     path = np.concatenate([track.line] * 8)[::6]
     table = judder(Motion.of_path(tractrix_line(path, 0.15, 2), 10.0, track))
@@ -178,8 +209,12 @@ def test_driving_back_over_the_same_place_counts_once():
     offsets = [_wave(16, 2.0)]
     smooth = _on_the_circle(offsets)
     path = smooth.position[:, 0]
-    detour = np.concatenate([path[:700], path[700:600:-1], path[600:]])  # turns round, and comes again
-    headings = np.concatenate([smooth.heading[:700], smooth.heading[700:600:-1], smooth.heading[600:]])
+    detour = np.concatenate(
+        [path[:700], path[700:600:-1], path[600:]]
+    )  # turns round, and comes again
+    headings = np.concatenate(
+        [smooth.heading[:700], smooth.heading[700:600:-1], smooth.heading[600:]]
+    )
     motion = Motion.of_path(detour, 10.0, TRACK)
     motion = replace(motion, heading=headings)
     assert judder(motion)["judder_mm"][0] == pytest.approx(judder(smooth)["judder_mm"][0], rel=0.02)
@@ -202,27 +237,50 @@ def _as_table(samples):
         lines.append(
             pd.DataFrame(
                 {
-                    "time_s": np.arange(len(at)) / 10, "robot": robot, "x_m": at["x"].astype(float), "y_m": at["y"].astype(float),
-                    "heading_rad": at["heading"].astype(float), "left_steps": at["left"], "right_steps": at["right"],
+                    "time_s": np.arange(len(at)) / 10,
+                    "robot": robot,
+                    "x_m": at["x"].astype(float),
+                    "y_m": at["y"].astype(float),
+                    "heading_rad": at["heading"].astype(float),
+                    "left_steps": at["left"],
+                    "right_steps": at["right"],
                 }
             )
-        )  # fmt: skip
+        )
     return pd.concat(lines)
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: judder(Motion.of_path(np.ones((5, 2)), 10.0)), "does not know its track; give track="),
-        (lambda: judder(_on_the_circle([_wave(4, 1.0)], loops=0.7)), r"expected at least one loop of 3\.14 m: drive longer"),
+        (
+            lambda: judder(Motion.of_path(np.ones((5, 2)), 10.0)),
+            "does not know its track; give track=",
+        ),
+        (
+            lambda: judder(_on_the_circle([_wave(4, 1.0)], loops=0.7)),
+            r"expected at least one loop of 3\.14 m: drive longer",
+        ),
         (
             lambda: judder(_on_the_circle([_wave(4, 1.0)]), band_m=(0.3, 0.1)),
             r"band_m = \(0.3, 0.1\); expected \(shortest, longest\)",
         ),
-        (lambda: judder(_on_the_circle([_wave(4, 1.0)]), band_m=(0.0, 0.1)), "the shortest at least 0.01"),
-        (lambda: judder(_on_the_circle([_wave(4, 1.0)], fs=1.5)), "samples are 0.040 m apart; expected a quarter"),
-        (lambda: tractrix_line(np.full((5, 2), np.nan), 0.1, 1), "leader has numbers that are not finite"),
-        (lambda: tractrix_line(np.eye(2), 0.1, 2, start=[[0, 0]]), r"start has shape \(1, 2\); expected \(2, 2\)"),
+        (
+            lambda: judder(_on_the_circle([_wave(4, 1.0)]), band_m=(0.0, 0.1)),
+            "the shortest at least 0.01",
+        ),
+        (
+            lambda: judder(_on_the_circle([_wave(4, 1.0)], fs=1.5)),
+            "samples are 0.040 m apart; expected a quarter",
+        ),
+        (
+            lambda: tractrix_line(np.full((5, 2), np.nan), 0.1, 1),
+            "leader has numbers that are not finite",
+        ),
+        (
+            lambda: tractrix_line(np.eye(2), 0.1, 2, start=[[0, 0]]),
+            r"start has shape \(1, 2\); expected \(2, 2\)",
+        ),
         (lambda: transfer(np.zeros(5), np.zeros(6), 5, 0.005), r"expected two of \(loops \* 5,\)"),
         (lambda: tractrix_line(np.zeros((5, 3)), 0.1, 1), r"leader has shape \(5, 3\)"),
         (lambda: tractrix_line(np.zeros((5, 2)), 0.0, 1), "distance_m = 0.0; expected"),

@@ -23,7 +23,9 @@ with locked(Path(sys.argv[1])):
 def other(tmp_path):
     """A process that holds the folder until its standard input is closed."""
     command = [sys.executable, "-c", _HOLD, str(tmp_path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout.readline() == "holds\n"
         yield process
         if process.poll() is None:
@@ -32,7 +34,12 @@ def other(tmp_path):
 
 def test_the_second_process_is_told_who_writes(tmp_path, other):
     assert in_use(tmp_path) and f"process {other.pid} on" in owner(tmp_path)
-    with pytest.raises(FolderInUse, match=rf"is in use by process {other.pid} on .*choose another folder"), locked(tmp_path):
+    with (
+        pytest.raises(
+            FolderInUse, match=rf"is in use by process {other.pid} on .*choose another folder"
+        ),
+        locked(tmp_path),
+    ):
         pass
 
 
@@ -52,5 +59,9 @@ def test_who_waits_gets_the_folder_when_it_is_free(tmp_path, other):
 
 
 def test_a_lock_of_the_same_process_counts_too(tmp_path):
-    with locked(tmp_path), pytest.raises(FolderInUse, match=f"process {os.getpid()}"), locked(tmp_path):
+    with (
+        locked(tmp_path),
+        pytest.raises(FolderInUse, match=f"process {os.getpid()}"),
+        locked(tmp_path),
+    ):
         pass

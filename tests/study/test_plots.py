@@ -23,13 +23,17 @@ def _texts(ax):
 
 def test_visit_map_has_physical_axes_right_on_the_right_and_percentages():
     visits = np.zeros((9, 9))
-    visits[4, 3], visits[4, 4], visits[0, 0] = 740, 259, 1
+    visits[4, 3] = 740
+    visits[4, 4] = 259
+    visits[0, 0] = 1
     ax = plots.visit_map(visits, CONFIG)
     assert ax.get_xlim() == pytest.approx((45, -45)) and ax.get_ylim() == pytest.approx((80, 220))
     assert "degrees" in ax.get_xlabel() and "mm" in ax.get_ylabel()
     assert sorted(_texts(ax)) == ["0.1", "25.9", "74.0"]
     place = {text.get_text(): text.get_position() for text in ax.texts}
-    assert place["74.0"] == pytest.approx((-10, 150))  # bearing tile 3 is 5° to 15° to the right: on the right side
+    assert place["74.0"] == pytest.approx(
+        (-10, 150)
+    )  # bearing tile 3 is 5° to 15° to the right: on the right side
     plots.frame_block(ax, CONFIG, (3, 2), 3, "block")
     assert len(ax.patches) == 1
 
@@ -41,8 +45,12 @@ def test_learning_curves_and_blocks_of_a_real_run():
     assert losses_before(runs[0], 1.0) == 1.0 and 0 < losses_before(runs[0], 0.3) < 1
     running = smoothed(blocks, ["losses_per_hour"], width=2)
     one = blocks["seed"] == 1
-    assert running[one]["losses_per_hour"].iloc[1] == pytest.approx(blocks[one]["losses_per_hour"].iloc[:2].mean())
-    ax = plots.learning_curves(blocks, "losses_per_hour", by="drive", ylabel="losses per follower and hour", symlog=1)
+    assert running[one]["losses_per_hour"].iloc[1] == pytest.approx(
+        blocks[one]["losses_per_hour"].iloc[:2].mean()
+    )
+    ax = plots.learning_curves(
+        blocks, "losses_per_hour", by="drive", ylabel="losses per follower and hour", symlog=1
+    )
     assert len(ax.lines) == 3 and "n = 2 seeds" in ax.get_legend().get_texts()[0].get_text()
 
 
@@ -54,7 +62,9 @@ def test_policy_and_value_maps_show_the_greedy_action():
     shown = ax.collections[0].get_array().reshape(9, 9)
     assert shown[4, 4] == pytest.approx(60, abs=0.1) and shown.mask[0, 1] and not shown.mask[4, 4]
     values = plots.value_map(policy, CONFIG).collections[0].get_array()
-    assert np.ravel(values)[40] == 1.0 and np.ma.count(values) == 1  # all others are not learned yet
+    assert (
+        np.ravel(values)[40] == 1.0 and np.ma.count(values) == 1
+    )  # all others are not learned yet
 
 
 def test_error_measures_are_drawn_from_the_world_s_own_poses():
@@ -76,7 +86,9 @@ def test_circle_geometry_passes_through_keeping_the_circle_and_cutting_in():
     assert np.interp(0.5, radius, bearing) == pytest.approx(math.degrees(math.asin(0.15)), abs=0.01)
     assert np.interp(math.sqrt(0.25 - 0.0225), radius, bearing) == pytest.approx(0.0, abs=0.01)
     values = {"a": np.array([0.0, 5.0])}
-    ax = diagrams.circle_following(values, {"a": np.array([0.48, 0.49])}, leader_radius_m=0.5, distance_m=0.15)
+    ax = diagrams.circle_following(
+        values, {"a": np.array([0.48, 0.49])}, leader_radius_m=0.5, distance_m=0.15
+    )
     assert "n = 2 runs" in ax.get_legend().get_texts()[-1].get_text()
 
 
@@ -100,4 +112,8 @@ def test_trails_and_picture():
     run = learn(CONFIG, steps=400, progress=False)
     ax = plots.trails(run.records["samples"][:100], line=np.zeros((5, 2)))
     assert len(ax.get_legend().get_texts()) == 6
-    assert plots.arena_picture(np.zeros((24, 32, 3), np.uint8)).images[0].get_array().shape == (24, 32, 3)
+    assert plots.arena_picture(np.zeros((24, 32, 3), np.uint8)).images[0].get_array().shape == (
+        24,
+        32,
+        3,
+    )

@@ -51,7 +51,8 @@ for folder in sys.stdin:  # a fresh process for every kill, without the second t
         print("gone", flush=True)
         continue
     for number in range(30):
-        recorder = Recorder(f"{folder.strip()}/emulated-{number}.csv", robot, link="none", real=False)
+        path = f"{folder.strip()}/emulated-{number}.csv"
+        recorder = Recorder(path, robot, link="none", real=False)
         for row in range(60):
             recorder.add(row / 10, robot, command=(1, 2))
         recorder.close()
@@ -66,7 +67,12 @@ def _record(path, rows=20, **options):
             for _ in range(rows):
                 robot.step()
                 robot.set_motors_speed(300, 200)
-                recorder.add(robot.time_s, robot, command=(300, 200), poses=(0.0,) * 6 if options.get("poses") else ())
+                recorder.add(
+                    robot.time_s,
+                    robot,
+                    command=(300, 200),
+                    poses=(0.0,) * 6 if options.get("poses") else (),
+                )
     return path
 
 
@@ -75,7 +81,10 @@ def test_a_recording_is_loaded_as_it_was_written(tmp_path):
     assert len(recording.frame) == 20 and not recording.truncated and recording.config == CONFIG
     assert recording.sensors == ["proximity", "light", "floor", "motor_position"]
     np.testing.assert_allclose(recording.frame["t_s"], np.arange(20) / 10)
-    assert list(recording.frame.columns[-6:]) == POSES and (recording.frame["left_command"] == 300).all()
+    assert (
+        list(recording.frame.columns[-6:]) == POSES
+        and (recording.frame["left_command"] == 300).all()
+    )
     units = recording.header["units"]
     assert units["t_s"] == "s" and units["ps0"] == "counts" and units["heading_rad_ahead"] == "rad"
     summary = recording.summary()
@@ -87,13 +96,20 @@ def test_a_followers_thoughts_are_recorded_with_the_probability_of_what_it_did(t
     with SimulatedRobot(CONFIG) as robot:
         robot.calibrate_proximity_sensors()
         robot.enable("proximity")
-        with Recorder(tmp_path / "b.csv", robot, link="sim:", real=False, config=CONFIG, calibration="K") as recorder:
+        with Recorder(
+            tmp_path / "b.csv", robot, link="sim:", real=False, config=CONFIG, calibration="K"
+        ) as recorder:
             drive(robot, follower, seconds=20, watch=recorder.watch)
     frame = load_recording(tmp_path / "b.csv").frame
     following = frame["phase"] == 0
-    assert following.sum() > 100 and (frame.loc[following & (frame["state"] >= 0), "action"] >= 0).all()
+    assert (
+        following.sum() > 100
+        and (frame.loc[following & (frame["state"] >= 0), "action"] >= 0).all()
+    )
     assert (frame.loc[~following, "state"] == -1).all()
-    assert frame["probability"].between(0, 1).all() and frame["probability"].min() < 0.999  # it explored, or might have
+    assert (
+        frame["probability"].between(0, 1).all() and frame["probability"].min() < 0.999
+    )  # it explored, or might have
     left, right = CONFIG.levels()
     chosen = frame[following & (frame["state"] >= 0)]
     np.testing.assert_array_equal(chosen["left_command"], left[chosen["action"] // len(right)])
@@ -140,14 +156,32 @@ def test_a_half_written_last_line_is_dropped_and_reported(tmp_path):
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda rows: rows.__setitem__(5, ["x", *rows[5][1:]]), "row 5, column t_s: 'x'; expected a number"),
-        (lambda rows: rows.__setitem__(5, [rows[4][0], *rows[5][1:]]), "row 5, column t_s: 0.3 after 0.3; expected rising"),
+        (
+            lambda rows: rows.__setitem__(5, ["x", *rows[5][1:]]),
+            "row 5, column t_s: 'x'; expected a number",
+        ),
+        (
+            lambda rows: rows.__setitem__(5, [rows[4][0], *rows[5][1:]]),
+            "row 5, column t_s: 0.3 after 0.3; expected rising",
+        ),
         (lambda rows: rows.__setitem__(5, rows[5][:-1]), "row 5: 27 columns; expected 28"),
-        (lambda rows: [row.__setitem__(0, str(float(row[0]) + 3)) for row in rows[5:]], "row 5, column t_s: 3.1 s without a row"),
-        (lambda rows: [row.__setitem__(0, str(float(row[0]) * 2)) for row in rows[1:]], "5 rows a second; its sidecar says 10"),
-        (lambda rows: rows[7].__setitem__(1, "4096"), "row 7, column ps0: 4096; expected a number from 0 to 4095"),
+        (
+            lambda rows: [row.__setitem__(0, str(float(row[0]) + 3)) for row in rows[5:]],
+            "row 5, column t_s: 3.1 s without a row",
+        ),
+        (
+            lambda rows: [row.__setitem__(0, str(float(row[0]) * 2)) for row in rows[1:]],
+            "5 rows a second; its sidecar says 10",
+        ),
+        (
+            lambda rows: rows[7].__setitem__(1, "4096"),
+            "row 7, column ps0: 4096; expected a number from 0 to 4095",
+        ),
         (lambda rows: rows[7].__setitem__(1, "nan"), "row 7, column ps0: nan"),
-        (lambda rows: rows[3].__setitem__(24, "0.5"), "row 3, column state: 0.5; expected a whole number"),
+        (
+            lambda rows: rows[3].__setitem__(24, "0.5"),
+            "row 3, column state: 0.5; expected a whole number",
+        ),
         (lambda rows: rows[0].__setitem__(0, "time"), "row 0: columns"),
     ],
 )
@@ -185,7 +219,11 @@ def test_shipped_recordings_are_emulated_say_so_and_load():
     assert files and {path.suffix for path in folder.iterdir()} <= {".csv", ".json", ".md"}
     for path in files:
         recording = load_recording(path)
-        assert path.name.startswith("emulated") and recording.header["complete"] and not recording.header["real"]
+        assert (
+            path.name.startswith("emulated")
+            and recording.header["complete"]
+            and not recording.header["real"]
+        )
         assert "emulated" in recording.header["note"] and recording.config is not None
         assert path.stat().st_size < 300_000
 
@@ -196,7 +234,11 @@ def test_importers_read_the_public_tables_and_name_what_is_wrong(tmp_path):
     rows = [" ".join(str(100 + 10 * k + row) for k in range(8)) for row in range(36)]
     (box / "proximity_values.txt").write_text("\n".join(rows) + "\n")
     sweep = importers.tum_box_sweep(tmp_path)
-    assert sweep.shape == (36, 9) and sweep["bearing_deg"].iloc[0] == -180 and sweep["ps7"].iloc[35] == 205
+    assert (
+        sweep.shape == (36, 9)
+        and sweep["bearing_deg"].iloc[0] == -180
+        and sweep["ps7"].iloc[35] == 205
+    )
     (box / "proximity_values.txt").write_text("\n".join([*rows[:4], "1 2 3", *rows[5:]]))
     with pytest.raises(ValueError, match="row 5: 3 columns; expected 8"):
         importers.tum_box_sweep(tmp_path)
@@ -205,17 +247,26 @@ def test_importers_read_the_public_tables_and_name_what_is_wrong(tmp_path):
         importers.tum_box_sweep(tmp_path)
     wii = tmp_path / "wii42_epuck2_ir_ground"
     wii.mkdir()
-    (wii / "IRsensors.csv").write_text("step,ps0,ps1,ps2,ps3,ps4,ps5,ps6,ps7,\n0,1,2,3,4,5,6,7,8,\n1,1,2,3,4,5,6,7,8,\n")
+    (wii / "IRsensors.csv").write_text(
+        "step,ps0,ps1,ps2,ps3,ps4,ps5,ps6,ps7,\n0,1,2,3,4,5,6,7,8,\n1,1,2,3,4,5,6,7,8,\n"
+    )
     runs = importers.wii42_backing_off(tmp_path)
-    assert runs["IRsensors"]["row_mm"].tolist() == pytest.approx([0, 0.597]) and "t_s" not in runs["IRsensors"]
-    (wii / "IRsensors.csv").write_text("step,ps0,ps1,ps2,ps3,ps4,ps5,ps6,ps7,\n0,1,2,3,x,5,6,7,8,\n")
+    assert (
+        runs["IRsensors"]["row_mm"].tolist() == pytest.approx([0, 0.597])
+        and "t_s" not in runs["IRsensors"]
+    )
+    (wii / "IRsensors.csv").write_text(
+        "step,ps0,ps1,ps2,ps3,ps4,ps5,ps6,ps7,\n0,1,2,3,x,5,6,7,8,\n"
+    )
     with pytest.raises(ValueError, match="row 1, column ps3: 'x'; expected a number"):
         importers.wii42_backing_off(tmp_path)
     with pytest.raises(FileNotFoundError, match="Gsensors"):
         importers.wii42_ground(tmp_path)
     ttu = tmp_path / "ttu_epuck2_leader_follower"
     ttu.mkdir()
-    pd.DataFrame({"timestamp_s": [0, 0.1], "leader_position_m": [0, 0.01]}).to_csv(ttu / "epuck-exp-1.csv", index=False)
+    pd.DataFrame({"timestamp_s": [0, 0.1], "leader_position_m": [0, 0.01]}).to_csv(
+        ttu / "epuck-exp-1.csv", index=False
+    )
     drives = importers.ttu_drives(tmp_path)
     assert list(drives["epuck-exp-1"].columns) == ["t_s", "leader_position_m"]
 
@@ -231,7 +282,9 @@ def test_simulations_are_never_recorded_as_real_and_recordings_are_not_recorded_
     record_robot("sim:", tmp_path / "b.csv", seconds=0.5, speeds=(200, 300))
     stored = load_recording(tmp_path / "b.csv")
     assert (
-        set(stored.frame["left_command"]) == {200} and set(stored.frame["right_command"]) == {300} and not stored.header["real"]
+        set(stored.frame["left_command"]) == {200}
+        and set(stored.frame["right_command"]) == {300}
+        and not stored.header["real"]
     )
     with pytest.raises(ValueError, match="is a recording already; copy its .csv and .json"):
         record_robot(f"log:{tmp_path / 'b.csv'}", tmp_path / "c.csv", seconds=0.5)
@@ -247,9 +300,11 @@ def test_sidecars_that_say_nonsense_are_named(tmp_path):
     side = tmp_path / "a.json"
     whole = side.read_text()
     for change, match in (
-        ({"rate_hz": None}, "rate_hz = None; expected rows per second"), ({"rate_hz": "x"}, "rate_hz = 'x'"),
-        ({"config": {"followers": 0}}, "a.json: config:"), ({"config": 7}, "a.json: config:"),
-    ):  # fmt: skip
+        ({"rate_hz": None}, "rate_hz = None; expected rows per second"),
+        ({"rate_hz": "x"}, "rate_hz = 'x'"),
+        ({"config": {"followers": 0}}, "a.json: config:"),
+        ({"config": 7}, "a.json: config:"),
+    ):
         side.write_text(json.dumps(json.loads(whole) | change))
         with pytest.raises(ValueError, match=match):
             load_recording(tmp_path / "a.csv")
@@ -275,7 +330,9 @@ def test_a_replayed_robot_has_no_time_before_its_first_row_and_after_its_last(tm
 
 
 def test_a_follower_that_learns_on_while_it_drives_keeps_its_weights(tmp_path):
-    config = replace(SETTINGS["infrared"], followers=1, drive="planar", state_tiles=(5, 5), action_levels=(3, 3))
+    config = replace(
+        SETTINGS["infrared"], followers=1, drive="planar", state_tiles=(5, 5), action_levels=(3, 3)
+    )
     learn(config, steps=2000, progress=False, out=tmp_path / "run")
     report = drive_robot("sim:", tmp_path / "run", seconds=20, learn=1000, out=tmp_path / "more")
     kept = load_weights(tmp_path / "more")

@@ -45,7 +45,10 @@ def test_a_run_is_stored_and_loaded_complete(tmp_path):
 
 def test_the_summary_has_the_keys_that_others_rely_on():
     summary = learn(PLANAR, steps=500, progress=False).summary
-    wanted = "steps share_best_cell share_best_3x3 share_best_3x3_last_third losses losses_last_third rms_distance_mm "
+    wanted = (
+        "steps share_best_cell share_best_3x3 share_best_3x3_last_third losses "
+        "losses_last_third rms_distance_mm "
+    )
     wanted += "bearing_std_deg bearing_mean_deg share_best_cell_all_time share_best_3x3_all_time"
     assert set(wanted.split()) <= set(summary)
     assert "wall_s" not in summary  # clocks stay out of stored runs
@@ -53,7 +56,9 @@ def test_the_summary_has_the_keys_that_others_rely_on():
 
 def test_existing_folders_are_refused_and_left_alone(tmp_path):
     (tmp_path / "note.txt").write_text("mine")
-    with pytest.raises(FileExistsError, match="already has something in it; choose another folder, or resume"):
+    with pytest.raises(
+        FileExistsError, match="already has something in it; choose another folder, or resume"
+    ):
         learn(PLANAR, steps=100, out=tmp_path, progress=False)
     run = learn(PLANAR, steps=100, progress=False)
     with pytest.raises(FileExistsError):
@@ -68,8 +73,12 @@ def test_seeds_in_a_batch_are_stored_as_the_runs_that_they_would_be_alone(tmp_pa
     alone = learn(PLANAR.with_seed(2), steps=3000, out=tmp_path / "alone", progress=False)
     assert batch[1].summary == alone.summary
     for name in ("config.json", "records.npz", "summary.json", "weights.npz"):
-        assert (tmp_path / "batch" / "seed-2" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
-    again = learn_seeds(PLANAR, [4, 2], steps=3000, out=tmp_path / "batch", resume=True, progress=False)
+        assert (tmp_path / "batch" / "seed-2" / name).read_bytes() == (
+            tmp_path / "alone" / name
+        ).read_bytes()
+    again = learn_seeds(
+        PLANAR, [4, 2], steps=3000, out=tmp_path / "batch", resume=True, progress=False
+    )
     assert [run.summary for run in again] == [run.summary for run in batch]
 
 
@@ -78,7 +87,13 @@ def test_continuing_another_request_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"was started with length = 1000, this run asks for 2000"):
         learn(PLANAR, steps=2000, out=tmp_path / "run", resume=True, progress=False)
     with pytest.raises(ValueError, match=r"was started with config = "):
-        learn(replace(PLANAR, reward="alive"), steps=1000, out=tmp_path / "run", resume=True, progress=False)
+        learn(
+            replace(PLANAR, reward="alive"),
+            steps=1000,
+            out=tmp_path / "run",
+            resume=True,
+            progress=False,
+        )
 
 
 def test_a_batch_continues_only_what_it_began(tmp_path):
@@ -86,7 +101,9 @@ def test_a_batch_continues_only_what_it_began(tmp_path):
     for seeds in ([3, 4], [2, 1], [1, 2, 3]):
         with pytest.raises(ValueError, match="another request"):
             (tmp_path / "batch" / "seed-1" / "summary.json").unlink(missing_ok=True)
-            learn_seeds(PLANAR, seeds, steps=1000, out=tmp_path / "batch", resume=True, progress=False)
+            learn_seeds(
+                PLANAR, seeds, steps=1000, out=tmp_path / "batch", resume=True, progress=False
+            )
     with pytest.raises(ValueError, match="each may occur once"):
         learn_seeds(PLANAR, [7, 7], steps=1000, out=tmp_path / "twice", progress=False)
 
@@ -115,7 +132,9 @@ def test_resume_leaves_other_people_s_files_alone(tmp_path):
 def test_two_processes_on_one_folder_never_mix_their_files(tmp_path):
     def start(seed):
         return subprocess.Popen(
-            [sys.executable, "-c", _SEED, str(tmp_path / "run"), str(seed)], stderr=subprocess.PIPE, text=True
+            [sys.executable, "-c", _SEED, str(tmp_path / "run"), str(seed)],
+            stderr=subprocess.PIPE,
+            text=True,
         )
 
     ends = [(child.communicate()[1], child.returncode) for child in [start(1), start(2)]]
@@ -133,7 +152,9 @@ def test_an_edited_configuration_is_refused_and_other_versions_are_warned_of(tmp
     header = json.loads((place / "config.json").read_text())
     header["versions"]["mujoco"] = "3.1.0"
     (place / "config.json").write_text(json.dumps(header))
-    with pytest.warns(UserWarning, match="was begun with mujoco 3.1.0; continued with other versions"):
+    with pytest.warns(
+        UserWarning, match="was begun with mujoco 3.1.0; continued with other versions"
+    ):
         learn(PLANAR, steps=60_000, out=place, resume=True, progress=False)
     for name in ("records.npz", "weights.npz"):
         whole = (place / name).read_bytes()
@@ -145,7 +166,9 @@ def test_an_edited_configuration_is_refused_and_other_versions_are_warned_of(tmp
         (place / name).write_bytes(whole)
     header["config"]["learner"]["alpha"] = 0.5
     (place / "config.json").write_text(json.dumps(header))
-    with pytest.raises(ValueError, match="weights.npz was made under another configuration than config.json says"):
+    with pytest.raises(
+        ValueError, match="weights.npz was made under another configuration than config.json says"
+    ):
         load_run(place)
 
 
@@ -183,7 +206,10 @@ def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
         load_run(tmp_path / "run")
     learn(PLANAR, steps=1000, out=tmp_path / "other", progress=False)
     np.savez(tmp_path / "other" / "records.npz", starts=np.zeros(1))
-    with pytest.raises(ValueError, match="the stored run lacks sample_lengths, sample_starts, samples, sums, visits"):
+    with pytest.raises(
+        ValueError,
+        match="the stored run lacks sample_lengths, sample_starts, samples, sums, visits",
+    ):
         load_run(tmp_path / "other")
     (tmp_path / "run" / "config.json").write_text('{"schema": 1}')
     with pytest.raises(ValueError, match="is not a run of schema 5"):
@@ -195,7 +221,9 @@ def test_missing_interrupted_and_damaged_runs_are_told_apart(tmp_path):
 
 def test_evaluation_is_greedy_frozen_and_checked(tmp_path):
     run = learn(PLANAR, steps=20_000, progress=False)
-    judged = evaluate(run.policy, replace(PLANAR, seed=9), minutes=2, out=tmp_path / "judged", progress=False)
+    judged = evaluate(
+        run.policy, replace(PLANAR, seed=9), minutes=2, out=tmp_path / "judged", progress=False
+    )
     assert judged.summary["steps"] == 0 and judged.kind == "evaluate"
     assert judged.summary["simulated_minutes"] == pytest.approx(2)
     np.testing.assert_array_equal(judged.policy.theta, run.policy.theta)
@@ -229,7 +257,10 @@ def test_bad_requests_are_refused():
 
 def test_divergence_stops_the_run_and_names_the_seed():
     config = replace(PLANAR, learner=LearnerConfig(alpha=1.0, eta=100.0, lam=0.0, gamma=0.9))
-    with pytest.raises(FloatingPointError, match=r"seed 1: learning diverged at update \d+: \|theta\| = .*alpha = 1"):
+    with pytest.raises(
+        FloatingPointError,
+        match=r"seed 1: learning diverged at update \d+: \|theta\| = .*alpha = 1",
+    ):
         learn(config, steps=200_000, progress=False)
 
 
@@ -238,22 +269,31 @@ import sys
 from workbench.formation.config import ConvoyConfig
 from workbench.study.runs import learn_seeds
 config = ConvoyConfig(drive=sys.argv[2], followers=2)
-learn_seeds(config, [1, 2], steps=int(sys.argv[3]), out=sys.argv[1], resume=True, progress=False, checkpoint_s=0)
+asked = {"steps": int(sys.argv[3]), "out": sys.argv[1], "resume": True}
+learn_seeds(config, [1, 2], progress=False, checkpoint_s=0, **asked)
 """
 
 
 def _tree(folder):
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("drive", "steps", "kills"), [("planar", 100_000, 16), ("wheels", 18_000, 4)])
+@pytest.mark.parametrize(
+    ("drive", "steps", "kills"), [("planar", 100_000, 16), ("wheels", 18_000, 4)]
+)
 def test_kills_at_random_moments_end_with_the_same_bytes(tmp_path, drive, steps, kills):
     def start(folder):
         command = [sys.executable, "-c", _CHILD, str(folder), drive, str(steps)]
         return subprocess.Popen(command, start_new_session=True)
 
-    assert start(tmp_path / "warm-up").wait() == 0  # compiles, so that the next one takes its usual time
+    assert (
+        start(tmp_path / "warm-up").wait() == 0
+    )  # compiles, so that the next one takes its usual time
     begun = time.monotonic()
     assert start(tmp_path / "whole").wait() == 0
     duration = time.monotonic() - begun
@@ -264,11 +304,17 @@ def test_kills_at_random_moments_end_with_the_same_bytes(tmp_path, drive, steps,
     for kill in range(kills):
         folder = tmp_path / f"kill{kill}"
         child = start(folder)
-        time.sleep(chance.uniform(0.05, 1.0) * duration)  # also before the run exists, and in the middle of a write
+        time.sleep(
+            chance.uniform(0.05, 1.0) * duration
+        )  # also before the run exists, and in the middle of a write
         if child.poll() is None:
             os.killpg(child.pid, signal.SIGKILL)
         child.wait()
-        struck += (folder / "checkpoint.npz").is_file() and not (folder / "seed-2" / "summary.json").is_file()
+        struck += (folder / "checkpoint.npz").is_file() and not (
+            folder / "seed-2" / "summary.json"
+        ).is_file()
         assert start(folder).wait() == 0
         assert _tree(folder) == wanted, f"kill {kill} changed the result"
-    assert struck >= kills // 4, f"only {struck} of {kills} kills struck a run between two checkpoints"
+    assert struck >= kills // 4, (
+        f"only {struck} of {kills} kills struck a run between two checkpoints"
+    )

@@ -24,7 +24,9 @@ def _minimum_jerk():
 
 
 def _judder():
-    t, i, golden = np.arange(1000) / 50, np.arange(40), (math.sqrt(5) - 1) / 2
+    t = np.arange(1000) / 50
+    i = np.arange(40)
+    golden = (math.sqrt(5) - 1) / 2
     waves = np.sin(2 * np.pi * (np.outer(t, 0.3 + 5.7 * i / 39) + (i * golden) % 1))
     return 0.06 * (1 + 0.2 * waves.sum(axis=1) / math.sqrt(20))
 
@@ -32,9 +34,14 @@ def _judder():
 SPEEDS = {
     "G1_doctest_gaussian": lambda: np.exp(-5 * np.arange(-1, 1, 0.01) ** 2),
     "MJ_1000Hz": _minimum_jerk,
-    "G5_five_bells": lambda: sum(np.exp(-25 * (np.arange(401) / 100 - 0.5 - 0.75 * m) ** 2) for m in range(5)),
-    "C_ripple_05": _ripple(0.05), "C_ripple_11": _ripple(0.11), "C_ripple_50": _ripple(0.5), "J_judder20": _judder,
-}  # fmt: skip
+    "G5_five_bells": lambda: sum(
+        np.exp(-25 * (np.arange(401) / 100 - 0.5 - 0.75 * m) ** 2) for m in range(5)
+    ),
+    "C_ripple_05": _ripple(0.05),
+    "C_ripple_11": _ripple(0.11),
+    "C_ripple_50": _ripple(0.5),
+    "J_judder20": _judder,
+}
 
 
 def _velocity(heading):
@@ -49,21 +56,27 @@ VELOCITIES = {
 
 
 def test_every_signal_of_the_oracle_is_tested():
-    assert set(SPEEDS) == set(ORACLE["speed_signals"]) and set(VELOCITIES) == set(ORACLE["vector_signals"])
+    assert set(SPEEDS) == set(ORACLE["speed_signals"]) and set(VELOCITIES) == set(
+        ORACLE["vector_signals"]
+    )
 
 
 @pytest.mark.parametrize("name", SPEEDS)
 def test_speed_measures_equal_the_authors_code(name):
-    case, speed = ORACLE["speed_signals"][name], SPEEDS[name]()
+    case = ORACLE["speed_signals"][name]
+    speed = SPEEDS[name]()
     assert speed.sum() == pytest.approx(case["check"]["sum"], abs=1e-9)  # it is the oracle's signal
     for fc in (10, 20):
-        assert sparc(speed, case["fs"], float(fc)) == pytest.approx(case["sparc"][f"fc={fc}"]["value"], abs=1e-9)
+        assert sparc(speed, case["fs"], float(fc)) == pytest.approx(
+            case["sparc"][f"fc={fc}"]["value"], abs=1e-9
+        )
     assert ldlj(speed, case["fs"]) == pytest.approx(case["ldlj"], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", VELOCITIES)
 def test_the_vector_measure_equals_the_authors_code(name):
-    case, velocity = ORACLE["vector_signals"][name], VELOCITIES[name]
+    case = ORACLE["vector_signals"][name]
+    velocity = VELOCITIES[name]
     assert ldlj_vector(velocity, case["fs"]) == pytest.approx(case["ldlj_vec"], abs=1e-9)
     speed = np.linalg.norm(velocity, axis=1)
     assert sparc(speed, case["fs"]) == pytest.approx(case["sparc_of_speed_fc10"], abs=1e-9)
@@ -79,7 +92,9 @@ def test_the_spectrum_is_not_counted_twice_above_half_the_sampling_rate(fs):
 
 def test_sparc_of_speed_is_blind_to_judder_at_constant_speed_and_the_vector_jerk_is_not():
     quiet, restless = VELOCITIES.values()
-    assert sparc(np.linalg.norm(quiet, axis=1), 50) == pytest.approx(sparc(np.linalg.norm(restless, axis=1), 50), abs=1e-9)
+    assert sparc(np.linalg.norm(quiet, axis=1), 50) == pytest.approx(
+        sparc(np.linalg.norm(restless, axis=1), 50), abs=1e-9
+    )
     assert ldlj_vector(quiet, 50) > ldlj_vector(restless, 50) + 10
 
 
@@ -107,14 +122,20 @@ def test_the_vector_measure_does_not_depend_on_the_direction():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sparc([1.0], 10), r"speed has shape \(1,\); expected \(T,\) with at least 2 samples"),
+        (
+            lambda: sparc([1.0], 10),
+            r"speed has shape \(1,\); expected \(T,\) with at least 2 samples",
+        ),
         (lambda: sparc(np.ones((5, 2)), 10), r"speed has shape \(5, 2\)"),
         (lambda: sparc([1.0, np.nan, 2.0], 10), "1 numbers of speed are not finite"),
         (lambda: sparc(np.zeros(50), 10), "speed is 0 in all of 50 samples"),
         (lambda: sparc(np.ones(50), 0.0), "fs = 0.0; expected samples per second, above 0"),
         (lambda: sparc(np.ones(50), 10, 0.0), "fc = 0.0; expected a frequency above 0 Hz"),
         (lambda: sparc(np.ones(50), 100, 0.01), "has fewer than two lines above 0.05; raise fc"),
-        (lambda: sparc(np.sin(2 * np.pi * 20 * np.arange(500) / 100), 100, 1.0), "has fewer than two lines"),
+        (
+            lambda: sparc(np.sin(2 * np.pi * 20 * np.arange(500) / 100), 100, 1.0),
+            "has fewer than two lines",
+        ),
         (lambda: ldlj([1.0, 2.0], 10), "at least 3 samples"),
         (lambda: ldlj(np.zeros(9), 10), "the velocity is 0 in all of 9 samples"),
         (lambda: ldlj_vector(np.ones(9), 10), r"velocity has shape \(9,\); expected \(T, d\)"),

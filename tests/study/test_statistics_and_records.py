@@ -24,7 +24,10 @@ from workbench.study.statistics import (
 
 def test_best_cell_and_block_by_hand():
     visits = np.zeros((5, 5))
-    visits[1, 1], visits[2, 2], visits[3, 3], visits[0, 4] = 5, 10, 4, 1
+    visits[1, 1] = 5
+    visits[2, 2] = 10
+    visits[3, 3] = 4
+    visits[0, 4] = 1
     assert best_cell(visits) == (0.5, (2, 2))
     assert best_block(visits) == (0.95, (1, 1))  # 5 + 10 + 4 of 20
     assert share_of_block(visits, (0, 2)) == pytest.approx(11 / 20)
@@ -46,8 +49,13 @@ def test_interval_covers_the_mean_and_needs_two_seeds():
 
 def test_interval_has_about_its_stated_coverage():
     rng = np.random.default_rng(0)
-    hits = [low <= 0 <= high for _, low, high in (interval(rng.normal(size=20), seed=k) for k in range(200))]
-    assert 0.88 <= np.mean(hits) <= 0.98  # a percentile bootstrap of 20 values is a little short of 95 %
+    hits = [
+        low <= 0 <= high
+        for _, low, high in (interval(rng.normal(size=20), seed=k) for k in range(200))
+    ]
+    assert (
+        0.88 <= np.mean(hits) <= 0.98
+    )  # a percentile bootstrap of 20 values is a little short of 95 %
 
 
 def test_moments_by_hand():
@@ -68,15 +76,20 @@ def _block(length, **fields):
 def test_summary_by_hand():
     config = ConvoyConfig(followers=1)
     recorder = Recorder(config, 6)
-    # 4 visits: three in the optimum's tile, one to its right; then a loss, and two periods away, one of them lost
+    # 4 visits: three in the optimum's tile, one to its right; then a loss, and two periods away,
+    # one of them lost
     recorder.add(
         _block(
-            6, state=[40, 40, 40, 39, -1, -1], event=[0, 0, 0, LOSS, 0, 0], phase=[0, 0, 0, TURN, TURN, LOST],
-            distance_error=[0.003, -0.003, 0.001, 0.005, 0, 0], bearing=np.radians([0, 2, 0, -6, 0, 0]),
+            6,
+            state=[40, 40, 40, 39, -1, -1],
+            event=[0, 0, 0, LOSS, 0, 0],
+            phase=[0, 0, 0, TURN, TURN, LOST],
+            distance_error=[0.003, -0.003, 0.001, 0.005, 0, 0],
+            bearing=np.radians([0, 2, 0, -6, 0, 0]),
             reward=[-1, -1, -1, -5, 0, 0],
         ),
         0,
-    )  # fmt: skip
+    )
     numbers = summarise(config, 6, 4, recorder.records())
     assert numbers["share_best_cell"] == 0.75 and numbers["share_best_3x3"] == 1.0
     assert numbers["share_best_cell_all_time"] == pytest.approx(0.75 * 4 / 6)
@@ -102,7 +115,8 @@ def test_the_last_third_is_counted_apart():
 
 def test_sampled_blocks_are_the_stated_ones_and_survive_saving_and_loading():
     config = ConvoyConfig(followers=1)
-    recorder, twin = Recorder(config, 1000), Recorder(config, 1000)
+    recorder = Recorder(config, 1000)
+    twin = Recorder(config, 1000)
     for start in range(0, 1000, 100):
         recorder.add(_block(10 if start < 900 else 3, left=start), start)
         if start == 400:
@@ -110,7 +124,13 @@ def test_sampled_blocks_are_the_stated_ones_and_survive_saving_and_loading():
         elif start > 400:
             twin.add(_block(10 if start < 900 else 3, left=start), start)
     blocks = sampled_blocks(recorder.records())
-    assert [start for start, _ in blocks] == [0, 100, 200, 500, 800]  # 0, 1 %, 10 %, 50 %, and the last whole one
+    assert [start for start, _ in blocks] == [
+        0,
+        100,
+        200,
+        500,
+        800,
+    ]  # 0, 1 %, 10 %, 50 %, and the last whole one
     assert all(block[0, 1]["left"] == start and len(block) == 10 for start, block in blocks)
     for name, array in recorder.records().items():
         assert array.tobytes() == twin.records()[name].tobytes(), name
@@ -127,14 +147,22 @@ def _row(*places):
 def test_collisions_are_counted_when_they_begin_also_across_blocks():
     config = ConvoyConfig(followers=2)
     recorder = Recorder(config, 10)
-    apart, touch, both = _row(0.3, 0.15, 0.0), _row(0.219, 0.15, 0.0), _row(0.137, 0.068, 0.0)
-    recorder.add(np.concatenate([apart, touch, touch, apart, touch]), 0)  # the first follower touches the leader twice
-    recorder.add(np.concatenate([touch, touch, both, both, apart]), 5)  # still; then the second touches the first as well
+    apart = _row(0.3, 0.15, 0.0)
+    touch = _row(0.219, 0.15, 0.0)
+    both = _row(0.137, 0.068, 0.0)
+    recorder.add(
+        np.concatenate([apart, touch, touch, apart, touch]), 0
+    )  # the first follower touches the leader twice
+    recorder.add(
+        np.concatenate([touch, touch, both, both, apart]), 5
+    )  # still; then the second touches the first as well
     sums = recorder.records()["sums"][:, :, SUMS.index("collisions")]
     np.testing.assert_array_equal(sums, [[2, 0], [0, 1]])
     assert summarise(config, 10, 0, recorder.records())["collisions"] == 3
     whole = Recorder(config, 10)
-    whole.add(np.concatenate([apart, touch, touch, apart, touch, touch, touch, both, both, apart]), 0)
+    whole.add(
+        np.concatenate([apart, touch, touch, apart, touch, touch, touch, both, both, apart]), 0
+    )
     assert whole.records()["sums"][0, :, SUMS.index("collisions")].tolist() == [2, 1]
 
 
@@ -145,17 +173,22 @@ def test_robots_that_start_in_touch_have_collided_once():
 
 
 def test_stable_is_from_where_no_block_exceeds_twice_the_final_median():
-    error, lost = np.full(9000, 0.004), np.zeros(9000)
+    error = np.full(9000, 0.004)
+    lost = np.zeros(9000)
     assert time_to_stable(lost, error, block=1000) == 0.0
     error[2500:2600] = 0.1  # block 2: RMS over 0.03
     assert time_to_stable(lost, error, block=1000) == 3000.0
     lost[4321] = 1  # one loss where the final median is none
     assert time_to_stable(lost, error, block=1000) == 5000.0
-    lost[6001::1000] = lost[6002::1000] = 1  # two per block at the end: a single one before is below twice that
+    lost[6001::1000] = lost[6002::1000] = (
+        1  # two per block at the end: a single one before is below twice that
+    )
     assert time_to_stable(lost, error, block=1000) == 3000.0
     lost[8100:8105] = 1  # the last block is worse than all before: never stable
     assert math.isnan(time_to_stable(lost, error, block=1000))
-    assert time_to_stable(lost[:8999], error[:8999], block=1000) == 3000.0  # what does not fill a block does not count
+    assert (
+        time_to_stable(lost[:8999], error[:8999], block=1000) == 3000.0
+    )  # what does not fill a block does not count
 
 
 def test_the_interquartile_mean_drops_a_quarter_at_both_ends():
@@ -167,7 +200,8 @@ def test_the_interquartile_mean_drops_a_quarter_at_both_ends():
 def test_pairs_remove_what_seeds_have_in_common():
     rng = np.random.default_rng(0)
     seed_effect = rng.normal(0, 10, 12)
-    treated, plain = seed_effect + 1 + rng.normal(0, 0.1, 12), seed_effect + rng.normal(0, 0.1, 12)
+    treated = seed_effect + 1 + rng.normal(0, 0.1, 12)
+    plain = seed_effect + rng.normal(0, 0.1, 12)
     mean, low, high = paired(treated, plain)
     assert 0.8 < low < mean < high < 1.2
     apart = interval(treated)[2] - interval(treated)[1]
@@ -181,7 +215,9 @@ def test_times_to_a_criterion_count_runs_that_never_reached_it():
     assert summary.median == 20.0  # after 20, half of the runs remain: S(20) = 3/4 · 2/3 = 1/2
     assert summary.mean == pytest.approx((10 + 20 + 30 + 100) / 4) and summary.horizon == 100.0
     assert time_to_criterion([10.0, nan, nan], 100.0).median == np.inf
-    early = time_to_criterion([10.0, 20.0, nan], [50.0, 50.0, 15.0])  # the third was stopped before the second reached it
+    early = time_to_criterion(
+        [10.0, 20.0, nan], [50.0, 50.0, 15.0]
+    )  # the third was stopped before the second reached it
     assert early.median == 20.0  # S(10) = 2/3, S(20) = 2/3 · 0 = 0
     assert early.horizon == 15.0 and early.mean == pytest.approx((10 + 15 + 15) / 3)
     half = time_to_criterion([*range(1, 13), *([nan] * 12)], 100.0)
@@ -191,14 +227,29 @@ def test_times_to_a_criterion_count_runs_that_never_reached_it():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: time_to_stable(np.zeros(5), np.zeros(6), block=1), "5 losses, 6 errors; expected as many of each"),
-        (lambda: time_to_stable(np.zeros(9), np.full(9, np.nan), block=1), "losses or errors are not finite"),
-        (lambda: time_to_stable(np.zeros(9), np.zeros(9), block=0), "block = 0; expected at least one update"),
+        (
+            lambda: time_to_stable(np.zeros(5), np.zeros(6), block=1),
+            "5 losses, 6 errors; expected as many of each",
+        ),
+        (
+            lambda: time_to_stable(np.zeros(9), np.full(9, np.nan), block=1),
+            "losses or errors are not finite",
+        ),
+        (
+            lambda: time_to_stable(np.zeros(9), np.zeros(9), block=0),
+            "block = 0; expected at least one update",
+        ),
         (lambda: time_to_stable(np.zeros(9), np.zeros(9)), "at least three blocks of 5000"),
         (lambda: interval([1.0, np.nan]), "1 of 2 values are not finite"),
-        (lambda: interval([1.0, 2.0], statistic="mode"), "statistic = 'mode'; expected one of 'mean', 'median', 'iqm'"),
+        (
+            lambda: interval([1.0, 2.0], statistic="mode"),
+            "statistic = 'mode'; expected one of 'mean', 'median', 'iqm'",
+        ),
         (lambda: paired([1.0, 2.0], [1.0]), "2 values and 1 references are no pairs"),
-        (lambda: time_to_criterion([10.0, 200.0], 100.0), "a time of 200 lies beyond the run's length of 100"),
+        (
+            lambda: time_to_criterion([10.0, 200.0], 100.0),
+            "a time of 200 lies beyond the run's length of 100",
+        ),
         (lambda: time_to_criterion([10.0], 100.0), "1 values have no interval"),
     ],
 )

@@ -15,7 +15,9 @@ def test_npz_and_json_round_trip(tmp_path):
     storage.write_npz(tmp_path / "a.npz", {"x": np.arange(3), "word": np.array("é")})
     back = storage.read_npz(tmp_path / "a.npz")
     assert back["x"].tolist() == [0, 1, 2] and str(back["word"]) == "é"
-    storage.write_json(tmp_path / "a.json", {"n": np.float64(0.5), "bad": float("nan"), "list": (1, np.int64(2))})
+    storage.write_json(
+        tmp_path / "a.json", {"n": np.float64(0.5), "bad": float("nan"), "list": (1, np.int64(2))}
+    )
     assert storage.read_json(tmp_path / "a.json") == {"n": 0.5, "bad": None, "list": [1, 2]}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.json", "a.npz"]
 
@@ -65,7 +67,9 @@ learn(ConvoyConfig(drive="planar"), steps=60_000, out=sys.argv[1], checkpoint_s=
 """
 
 
-@pytest.mark.skipif(not hasattr(resource, "RLIMIT_FSIZE"), reason="this system cannot limit file sizes")
+@pytest.mark.skipif(
+    not hasattr(resource, "RLIMIT_FSIZE"), reason="this system cannot limit file sizes"
+)
 def test_a_full_disk_leaves_the_last_good_checkpoint_and_says_so(tmp_path):
     from workbench.formation.config import ConvoyConfig
     from workbench.study.runs import learn
@@ -73,14 +77,28 @@ def test_a_full_disk_leaves_the_last_good_checkpoint_and_says_so(tmp_path):
     whole = tmp_path / "whole"
     learn(ConvoyConfig(drive="planar"), steps=60_000, out=whole, checkpoint_s=0, progress=False)
     out = tmp_path / "run"
-    # the first checkpoints fit below this size, the later ones, which hold more records, do not: a disk that runs full
-    first = subprocess.run([sys.executable, "-c", _LEARN, str(out), "1600000"], capture_output=True, text=True, check=False)
+    # the first checkpoints fit below this size, the later ones, which hold more records, do not: a
+    # disk that runs full
+    first = subprocess.run(
+        [sys.executable, "-c", _LEARN, str(out), "1600000"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert first.returncode != 0
-    assert "could not write" in first.stderr and "the last good checkpoint is kept there" in first.stderr
+    assert (
+        "could not write" in first.stderr
+        and "the last good checkpoint is kept there" in first.stderr
+    )
     assert "Make room, then continue with resume" in first.stderr
     good = storage.read_npz(out / "checkpoint.npz")
     assert 0 < good["convoy.formations"]["updates"][0] < 60_000
-    second = subprocess.run([sys.executable, "-c", _LEARN, str(out), "999999999"], capture_output=True, text=True, check=False)
+    second = subprocess.run(
+        [sys.executable, "-c", _LEARN, str(out), "999999999"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert second.returncode == 0, second.stderr
     for name in ("weights.npz", "records.npz", "summary.json", "checkpoint.npz"):
         assert (out / name).read_bytes() == (whole / name).read_bytes(), name

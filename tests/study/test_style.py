@@ -1,4 +1,6 @@
-"""Figures on a page: text large enough, labels that fit, shared notes once, and the same bytes however often they are drawn."""
+"""Figures on a page: text large enough, labels that fit, shared notes once, and the same bytes
+however often they are drawn.
+"""
 
 from matplotlib.figure import Figure
 
@@ -11,7 +13,11 @@ def _wide():
         fig = Figure(figsize=(11.0, 3.0), layout="constrained")
         for ax in fig.subplots(1, 3):
             ax.plot([1, 10], [2, 6], label="case")
-            ax.set(xlabel="a label that is far too long for a third of the page, in millimetres", ylabel="y", yscale="log")
+            ax.set(
+                xlabel="a label that is far too long for a third of the page, in millimetres",
+                ylabel="y",
+                yscale="log",
+            )
             note(ax, "mean, interval over seeds")
             ax.legend()
     return fig

@@ -1,4 +1,6 @@
-"""Sweeps: order, resuming, failures, dying workers, and the same bytes on every executor, dask included."""
+"""Sweeps: order, resuming, failures, dying workers, and the same bytes on every executor, dask
+included.
+"""
 
 import contextlib
 import json
@@ -32,10 +34,16 @@ def test_results_come_in_input_order_whatever_finishes_first():
 
 def test_serial_local_processes_and_threads_give_the_same_bytes(tmp_path):
     configs = [ConvoyConfig(followers=1, drive="planar", seed=seed) for seed in (3, 1, 2)]
-    serial = sweep(sweepable.learn_a_little, configs, store=tmp_path / "serial", workers=1, progress=False)
-    local = sweep(sweepable.learn_a_little, configs, store=tmp_path / "local", workers=2, progress=False)
+    serial = sweep(
+        sweepable.learn_a_little, configs, store=tmp_path / "serial", workers=1, progress=False
+    )
+    local = sweep(
+        sweepable.learn_a_little, configs, store=tmp_path / "local", workers=2, progress=False
+    )
     with ThreadPoolExecutor(2) as pool:
-        threads = sweep(sweepable.learn_a_little, configs, pool, store=tmp_path / "threads", progress=False)
+        threads = sweep(
+            sweepable.learn_a_little, configs, pool, store=tmp_path / "threads", progress=False
+        )
     assert serial == local == threads and len({run["theta"] for run in serial}) == 3
     assert _bytes(tmp_path / "serial") == _bytes(tmp_path / "local") == _bytes(tmp_path / "threads")
 
@@ -44,19 +52,35 @@ def test_a_second_call_runs_only_what_is_missing_and_returns_the_same(tmp_path):
     log = tmp_path / "log"
     configs = [{"value": value, "log": str(log)} for value in (1, 2, 2)]
     first = sweep(sweepable.note, configs, store=tmp_path / "store", workers=1, progress=False)
-    assert first == [{"value": 1, "nan": None}, {"value": 2, "nan": None}, {"value": 2, "nan": None}]
+    assert first == [
+        {"value": 1, "nan": None},
+        {"value": 2, "nan": None},
+        {"value": 2, "nan": None},
+    ]
     configs.append({"value": 3, "log": str(log)})
     damaged = sorted((tmp_path / "store").glob("*.json"))[0]
     damaged.write_text("{not json")
-    assert sweep(sweepable.note, configs, store=tmp_path / "store", workers=1, progress=False)[:3] == first
+    assert (
+        sweep(sweepable.note, configs, store=tmp_path / "store", workers=1, progress=False)[:3]
+        == first
+    )
     ran = log.read_text().split()
-    assert len(ran) == 4 and set(ran) == {"1", "2", "3"}  # 1 and 2 once, 3 once, and the damaged one again
+    assert len(ran) == 4 and set(ran) == {
+        "1",
+        "2",
+        "3",
+    }  # 1 and 2 once, 3 once, and the damaged one again
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_failing_configuration_is_reported_and_takes_no_other_with_it(workers, tmp_path):
-    with pytest.warns(RuntimeWarning, match=r"1 of 4 runs failed \(3 others are done and stored\).*ValueError: 2 is even"):
-        results = sweep(sweepable.refuse_even, [1, 2, 3, 5], store=tmp_path, workers=workers, progress=False)
+    with pytest.warns(
+        RuntimeWarning,
+        match=r"1 of 4 runs failed \(3 others are done and stored\).*ValueError: 2 is even",
+    ):
+        results = sweep(
+            sweepable.refuse_even, [1, 2, 3, 5], store=tmp_path, workers=workers, progress=False
+        )
     assert [results[k] for k in (0, 2, 3)] == [1, 3, 5]
     failed = results[1]
     assert isinstance(failed, Failed) and failed.config == 2 and "refuse_even" in failed.trace
@@ -101,7 +125,10 @@ def test_an_idle_worker_that_dies_holds_nothing_up(tmp_path):
     [
         (sweepable.leave, "SystemExit: bye"),
         (sweepable.raise_what_cannot_be_read_back, "Stubborn: the real reason 1 2"),
-        (sweepable.return_a_set, "TypeError: Object of type set is not JSON serializable; stored results are"),
+        (
+            sweepable.return_a_set,
+            "TypeError: Object of type set is not JSON serializable; stored results are",
+        ),
     ],
 )
 def test_no_failure_takes_others_with_it(function, error, workers, tmp_path):
@@ -112,10 +139,15 @@ def test_no_failure_takes_others_with_it(function, error, workers, tmp_path):
 
 
 def test_a_callers_broken_pool_is_reported_and_not_raised():
-    with ProcessPoolExecutor(2) as pool, pytest.warns(RuntimeWarning, match="its process or one beside it died"):
+    with (
+        ProcessPoolExecutor(2) as pool,
+        pytest.warns(RuntimeWarning, match="its process or one beside it died"),
+    ):
         results = sweep(sweepable.die_at_four, list(range(8)), pool, progress=False)
         assert isinstance(results[4], Failed) and len(results) == 8
-        again = sweep(sweepable.die_at_four, [0], pool, progress=False)  # the pool is of no use any more
+        again = sweep(
+            sweepable.die_at_four, [0], pool, progress=False
+        )  # the pool is of no use any more
     assert isinstance(again[0], Failed)
 
 
@@ -126,11 +158,14 @@ def test_interrupting_a_sweep_stops_its_processes_at_once():
     begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         sweep(sweepable.sleep, [0.0, 60.0, 60.0, 60.0], workers=2, progress=interrupt)
-    assert time.monotonic() - begun < 30  # a bound on waiting for a run of 60 s, not a measure of speed
+    assert (
+        time.monotonic() - begun < 30
+    )  # a bound on waiting for a run of 60 s, not a measure of speed
 
 
 def test_different_requests_have_different_names():
-    one, other = sweepable.Point(1), sweepable.Other(1)
+    one = sweepable.Point(1)
+    other = sweepable.Other(1)
     requests = [
         one,
         other,
@@ -157,11 +192,23 @@ def test_different_requests_have_different_names():
 
 @pytest.mark.slow
 def test_a_script_without_its_guard_is_told_so(tmp_path):
-    script = "import sys; sys.path[:0] = {!r}\nimport sweepable\nfrom workbench.study.sweeps import sweep\n"
+    script = (
+        "import sys; sys.path[:0] = {!r}\nimport sweepable\nfrom workbench.study.sweeps "
+        "import sweep\n"
+    )
     script += "print(sweep(sweepable.sleep, [0.0, 0.0], workers=2, progress=False))\n"
     (tmp_path / "script.py").write_text(script.format([str(Path(__file__).parent)]))
-    done = subprocess.run([sys.executable, str(tmp_path / "script.py")], capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 1 and "call sweep() only below `if __name__ == '__main__':`" in done.stderr
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "script.py")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (
+        done.returncode == 1
+        and "call sweep() only below `if __name__ == '__main__':`" in done.stderr
+    )
 
 
 def test_progress_counts_every_run_once():
@@ -175,12 +222,15 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
     script = (
         "import time\nfrom workbench.study.sweeps import process_pool\nimport sweepable\n"
         "if __name__ == '__main__':\n    with process_pool(1) as pool:\n"
-        "        print(pool.submit(sweepable.pid, 0).result(), flush=True)\n        time.sleep(60)\n"
+        "        print(pool.submit(sweepable.pid, 0).result(), flush=True)\n        "
+        "time.sleep(60)\n"
     )
     path = tmp_path / "parent.py"
     path.write_text(script)
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
-    with subprocess.Popen([sys.executable, str(path)], stdout=subprocess.PIPE, text=True, env=environment) as parent:
+    with subprocess.Popen(
+        [sys.executable, str(path)], stdout=subprocess.PIPE, text=True, env=environment
+    ) as parent:
         worker = int(parent.stdout.readline())
         os.kill(worker, 0)
         parent.kill()
@@ -189,7 +239,10 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
             os.kill(worker, 0)
         except ProcessLookupError:
             break
-        if Path(f"/proc/{worker}/stat").exists() and Path(f"/proc/{worker}/stat").read_text().split()[2] == "Z":
+        if (
+            Path(f"/proc/{worker}/stat").exists()
+            and Path(f"/proc/{worker}/stat").read_text().split()[2] == "Z"
+        ):
             break  # dead, waiting for whoever adopted it
         time.sleep(0.1)
     else:
@@ -200,14 +253,18 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
 @pytest.mark.filterwarnings("default")  # dask's own, while a worker is being killed
 def test_dask_delivers_all_runs_once_though_a_worker_is_killed_half_way(tmp_path):
     configs = [ConvoyConfig(followers=1, drive="planar", seed=seed) for seed in range(200)]
-    serial = sweep(sweepable.learn_a_little, configs, store=tmp_path / "serial", workers=2, progress=False)
+    serial = sweep(
+        sweepable.learn_a_little, configs, store=tmp_path / "serial", workers=2, progress=False
+    )
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
     dask = [sys.executable, "-m", "dask"]
     address = tmp_path / "scheduler.json"
     scheduler = subprocess.Popen(
-        [*dask, "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(address)], env=environment,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        [*dask, "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(address)],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     workers = []
     try:
         while not address.is_file():
@@ -215,12 +272,21 @@ def test_dask_delivers_all_runs_once_though_a_worker_is_killed_half_way(tmp_path
         for _ in range(2):
             workers.append(
                 subprocess.Popen(
-                    [*dask, "worker", "--scheduler-file", str(address), "--nthreads", "1", "--no-nanny", "--no-dashboard"],
+                    [
+                        *dask,
+                        "worker",
+                        "--scheduler-file",
+                        str(address),
+                        "--nthreads",
+                        "1",
+                        "--no-nanny",
+                        "--no-dashboard",
+                    ],
                     env=environment,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
                     cwd=tmp_path,
-                )  # fmt: skip
+                )
             )
         done = []
 
@@ -231,10 +297,23 @@ def test_dask_delivers_all_runs_once_though_a_worker_is_killed_half_way(tmp_path
 
         with Client(scheduler_file=str(address)) as client:
             client.wait_for_workers(2, timeout=60)
-            results = sweep(sweepable.learn_a_little, configs, client.get_executor(), store=tmp_path / "dask", progress=tell)
+            results = sweep(
+                sweepable.learn_a_little,
+                configs,
+                client.get_executor(),
+                store=tmp_path / "dask",
+                progress=tell,
+            )
         assert workers[0].wait() == -signal.SIGKILL and workers[1].poll() is None
-        scheduler_address = json.loads(address.read_text())["address"]  # the command line, on what is left of the cluster
-        assert main(["study", "inner", "--scheduler", scheduler_address, "--out", str(tmp_path / "cli")]) == 0
+        scheduler_address = json.loads(address.read_text())[
+            "address"
+        ]  # the command line, on what is left of the cluster
+        assert (
+            main(
+                ["study", "inner", "--scheduler", scheduler_address, "--out", str(tmp_path / "cli")]
+            )
+            == 0
+        )
         assert (tmp_path / "cli" / "inner.csv").read_text().count("\n") == 13
     finally:
         for process in [*workers, scheduler]:

@@ -24,18 +24,29 @@ def _recording(folder, left_gain, right_gain):
 
 
 @pytest.mark.parametrize(("gains", "matched"), [((1.0, 1.0), True), ((1.6, 0.6), False)])
-def test_readings_of_the_model_itself_are_in_its_tiles_and_gains_bring_others_there(tmp_path, monkeypatch, gains, matched):
+def test_readings_of_the_model_itself_are_in_its_tiles_and_gains_bring_others_there(
+    tmp_path, monkeypatch, gains, matched
+):
     monkeypatch.setenv("WORKBENCH_RECORDINGS", str(tmp_path))
     _recording(tmp_path, *gains)
     result = validate_tiles(out=tmp_path / "out", seeds=1, steps=2000)
-    table = pd.read_csv(tmp_path / "out" / "tiles.csv").set_index(["route", "table", "readings", "model", "run"])
+    table = pd.read_csv(tmp_path / "out" / "tiles.csv").set_index(
+        ["route", "table", "readings", "model", "run"]
+    )
     for route in ("ir-metric", "ir-raw"):
-        nominal, fitted = (table.loc[(route, "9×9/7×7", "as recorded", model, "all")] for model in ("nominal", "fitted"))
+        nominal, fitted = (
+            table.loc[(route, "9×9/7×7", "as recorded", model, "all")]
+            for model in ("nominal", "fitted")
+        )
         assert fitted["share_same_tile"] > 0.9 and fitted["rows"] > 30
         assert (nominal["share_same_tile"] > 0.9) == matched
         assert nominal["real_inside"] == fitted["real_inside"] > 0
     changes = pd.read_csv(tmp_path / "out" / "tile_changes.csv")
-    part = changes[(changes["route"] == "ir-raw") & (changes["table"] == "5×5/3×3") & (changes["readings"] == "as recorded")]
+    part = changes[
+        (changes["route"] == "ir-raw")
+        & (changes["table"] == "5×5/3×3")
+        & (changes["readings"] == "as recorded")
+    ]
     assert part[part["model"] == "fitted"]["rows"].sum() == nominal["rows"]
     told = json.loads((tmp_path / "out" / "tiles.json").read_text())
     assert told["seeds"] == 1 and len(told["aggregates"]) == len(result["aggregates"]) == 16

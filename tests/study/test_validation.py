@@ -11,12 +11,16 @@ from workbench.study.validation import best_delay, replay, shifted, validate_dri
 
 
 def _recording(folder, delay_s=1.3, scale=1.0, drop=()):
-    """Write a file in the layout of the recordings: what the planar robot with e-puck2 motors really drives, delayed."""
+    """Write a file in the layout of the recordings: what the planar robot with e-puck2 motors
+    really drives, delayed.
+    """
     source = folder / "ttu_epuck2_leader_follower"
     source.mkdir(parents=True, exist_ok=True)
     time = np.arange(186) * 0.108
     units = np.where(time < 8, 7.5, np.where(time < 14, 3.0, -4.0))
-    position = scale * shifted(replay("planar", "e-puck2", time, 100 * units), 0.02, time, delay_s) - 0.13
+    position = (
+        scale * shifted(replay("planar", "e-puck2", time, 100 * units), 0.02, time, delay_s) - 0.13
+    )
     for row in drop:
         position[row] = 4.2
     columns = {"timestamp_s": time, "leader_position_m": position}
@@ -34,9 +38,14 @@ def test_a_recording_of_the_model_itself_is_met_and_its_delay_found(tmp_path, mo
     assert len(table) == 4  # two drives, two rules; the robot that never moved has no line
     own = table.loc[("planar", "e-puck2")]
     assert own.start_up_delay_s == pytest.approx(1.3, abs=0.02)
-    assert own.distance_ratio == pytest.approx(1, abs=0.003) and own.rms_error_mm < 2 and own.rms_error_1s_mm < 1.5
+    assert (
+        own.distance_ratio == pytest.approx(1, abs=0.003)
+        and own.rms_error_mm < 2
+        and own.rms_error_1s_mm < 1.5
+    )
     assert own.rows_dropped == 2
-    # e-puck1 motors turn 7.5 units (750 steps/s) into 10000 // 750 = 13 ticks, 769.2 steps/s; e-puck2 into 757.6
+    # e-puck1 motors turn 7.5 units (750 steps/s) into 10000 // 750 = 13 ticks, 769.2 steps/s;
+    # e-puck2 into 757.6
     assert table.loc[("planar", "e-puck1")].distance_ratio > 1.008
     assert json.loads((tmp_path / "out" / "drive.json").read_text())["robot_runs"] == 1
 
@@ -45,20 +54,27 @@ def test_a_robot_that_drives_five_percent_less_is_reported_as_such(tmp_path, mon
     _recording(tmp_path / "in", scale=0.95)
     monkeypatch.setenv("WORKBENCH_RECORDINGS", str(tmp_path / "in"))
     result = validate_drive(out=tmp_path / "out")
-    line = next(line for line in result["aggregates"] if (line["drive"], line["firmware"]) == ("planar", "e-puck2"))
+    line = next(
+        line
+        for line in result["aggregates"]
+        if (line["drive"], line["firmware"]) == ("planar", "e-puck2")
+    )
     assert line["distance_ratio"]["median"] == pytest.approx(1 / 0.95, rel=0.005)
     assert line["rms_error_mm"]["median"] > 15
 
 
 @pytest.mark.parametrize(
-    "commands", [np.full(120, 700.0), np.linspace(20, 700, 120), np.where(np.arange(120) < 60, 700.0, -300.0)]
+    "commands",
+    [np.full(120, 700.0), np.linspace(20, 700, 120), np.where(np.arange(120) < 60, 700.0, -300.0)],
 )
 def test_delays_are_found_for_constant_rising_and_changing_commands(commands):
     time = np.arange(120) * 0.108
     driven = replay("planar", "e-puck2", time, commands)
     real = shifted(driven, 0.02, time, 1.3)
     assert best_delay(time, real, driven, 0.02, seconds=3.0) == pytest.approx(1.3, abs=0.021)
-    late = np.where(time > 6, shifted(driven, 0.02, time, 2.0), real)  # the link slows down later: the start does not notice
+    late = np.where(
+        time > 6, shifted(driven, 0.02, time, 2.0), real
+    )  # the link slows down later: the start does not notice
     assert best_delay(time, late, driven, 0.02, seconds=3.0) == pytest.approx(1.3, abs=0.021)
     assert best_delay(time, late, driven, 0.02) > 1.31
 

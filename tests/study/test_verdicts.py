@@ -17,7 +17,11 @@ def test_the_ruling_follows_from_the_parts_of_a_claim():
 @pytest.mark.parametrize("word", RULINGS)
 def test_a_box_shows_claim_ruling_and_evidence_as_text_and_as_html(word):
     box = Verdict("E9", "5 < 6 & so on", word, "0.2 [0.1, 0.3], n = 10")
-    assert str(box).splitlines() == [f"E9 · {word}", "claim: 5 < 6 & so on", "because: 0.2 [0.1, 0.3], n = 10"]
+    assert str(box).splitlines() == [
+        f"E9 · {word}",
+        "claim: 5 < 6 & so on",
+        "because: 0.2 [0.1, 0.3], n = 10",
+    ]
     page = box._repr_html_()
     assert "5 &lt; 6 &amp; so on" in page and word in page and "n = 10" in page
 

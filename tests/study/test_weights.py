@@ -1,4 +1,6 @@
-"""Weights files: what is accepted comes back bit for bit, what does not fit is refused with both sides."""
+"""Weights files: what is accepted comes back bit for bit, what does not fit is refused with both
+sides.
+"""
 
 import json
 import re
@@ -33,11 +35,15 @@ def _write(folder, config=BASE, seed=0):
 
 MISMATCHES = {
     "state_tiles": st.tuples(st.sampled_from([3, 5, 7, 11]), st.sampled_from([3, 5, 7, 11])),
-    "action_levels": st.tuples(st.integers(2, 6), st.integers(2, 6)), "tilings": st.sampled_from([2, 4]),
-    "distance_m": st.tuples(st.floats(0.075, 0.079), st.floats(0.2, 0.3)), "bearing_limit_rad": st.floats(0.3, 0.7),
-    "distance_tiling": st.just("logarithmic"), "bearing_tiling": st.just("logarithmic"),
-    "wheel_speed_mps": st.tuples(st.floats(0.01, 0.025), st.floats(0.1, 0.12)), "sensing": st.sampled_from(["camera", "pixels"]),
-}  # fmt: skip
+    "action_levels": st.tuples(st.integers(2, 6), st.integers(2, 6)),
+    "tilings": st.sampled_from([2, 4]),
+    "distance_m": st.tuples(st.floats(0.075, 0.079), st.floats(0.2, 0.3)),
+    "bearing_limit_rad": st.floats(0.3, 0.7),
+    "distance_tiling": st.just("logarithmic"),
+    "bearing_tiling": st.just("logarithmic"),
+    "wheel_speed_mps": st.tuples(st.floats(0.01, 0.025), st.floats(0.1, 0.12)),
+    "sensing": st.sampled_from(["camera", "pixels"]),
+}
 
 
 @settings(max_examples=200, deadline=None)
@@ -46,7 +52,9 @@ def test_every_kind_of_mismatch_is_refused_with_both_sides(data):
     name = data.draw(st.sampled_from(sorted(MISMATCHES)))
     other = replace(BASE, **{name: data.draw(MISMATCHES[name])})
     policy, _ = _random(BASE)
-    with pytest.raises(ValueError, match=r"the policy has \w+ = .*, the configuration .*; use the configuration"):
+    with pytest.raises(
+        ValueError, match=r"the policy has \w+ = .*, the configuration .*; use the configuration"
+    ):
         policy.check(other)
     with pytest.raises(ValueError, match=r"the policy has \w+ = "):
         _random(other)[0].check(BASE)
@@ -72,17 +80,24 @@ def test_another_sensing_is_refused_and_taken_over_only_where_units_agree(mine, 
             policy.transferred(theirs)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(st.data())
 def test_what_is_written_comes_back_bit_for_bit(tmp_path, data):
     sensing = data.draw(st.sampled_from(sorted(SENSING)))
     base = replace(IR if sensing.startswith("ir") else BASE, sensing=sensing)
     n = st.sampled_from([3, 5, 7])
-    tiles, levels = (data.draw(n), data.draw(n)), (data.draw(st.integers(1, 5)), data.draw(st.integers(1, 5)))
+    tiles = (data.draw(n), data.draw(n))
+    levels = (data.draw(st.integers(1, 5)), data.draw(st.integers(1, 5)))
     config = replace(base, state_tiles=tiles, action_levels=(levels[0] + 1, levels[1] + 1))
     policy, w = _write(tmp_path / "run", config, data.draw(st.integers(0, 1000)))
     loaded = load_weights(tmp_path / "run")
-    assert loaded.policy.sha256() == policy.sha256() and loaded.w.tobytes() == w.tobytes() and loaded.updates == 123
+    assert (
+        loaded.policy.sha256() == policy.sha256()
+        and loaded.w.tobytes() == w.tobytes()
+        and loaded.updates == 123
+    )
     load_policy(tmp_path / "run" / "weights.npz", config)
     before = (tmp_path / "run" / "weights.npz").read_bytes()
     write_weights(tmp_path / "run", loaded)
@@ -92,16 +107,21 @@ def test_what_is_written_comes_back_bit_for_bit(tmp_path, data):
 def test_two_hundred_damaged_files_are_each_refused_or_unharmed(tmp_path):
     policy, w = _write(tmp_path / "run")
     good = (tmp_path / "run" / "weights.npz").read_bytes()
-    rng, refused = np.random.default_rng(1), 0
+    rng = np.random.default_rng(1)
+    refused = 0
     for number in range(200):
-        bad, kind = bytearray(good), number % 4
-        at, size = int(rng.integers(len(good))), int(rng.integers(1, 400))
+        bad = bytearray(good)
+        kind = number % 4
+        at = int(rng.integers(len(good)))
+        size = int(rng.integers(1, 400))
         if kind == 0:
             bad = bad[:at]
         elif kind == 1:
             bad[at] ^= int(rng.integers(1, 256))
         elif kind == 2:
-            bad[at : at + size] = rng.integers(0, 256, len(bad[at : at + size]), dtype=np.uint8).tobytes()
+            bad[at : at + size] = rng.integers(
+                0, 256, len(bad[at : at + size]), dtype=np.uint8
+            ).tobytes()
         else:
             del bad[at : at + size]
         path = tmp_path / f"{number}.npz"
@@ -112,7 +132,11 @@ def test_two_hundred_damaged_files_are_each_refused_or_unharmed(tmp_path):
             assert str(path) in str(error) and ("restore it" in str(error))
             refused += 1
         else:  # a byte that means nothing, a time stamp for example
-            assert kind == 1 and loaded.policy.sha256() == policy.sha256() and loaded.w.tobytes() == w.tobytes()
+            assert (
+                kind == 1
+                and loaded.policy.sha256() == policy.sha256()
+                and loaded.w.tobytes() == w.tobytes()
+            )
     assert refused >= 180
 
 
@@ -134,7 +158,9 @@ def test_descriptions_that_contradict_the_arrays_and_pickles_are_refused(tmp_pat
     tiles = json.loads(json.dumps(about["tiles"]))
     tiles["distance"]["unit"] = "mm"
     refuse("its description says tiles = .*'mm'.*, its arrays .*'m'", about=told(tiles=tiles))
-    refuse("its description says sensing = 'camera', its arrays 'truth'", about=told(sensing="camera"))
+    refuse(
+        "its description says sensing = 'camera', its arrays 'truth'", about=told(sensing="camera")
+    )
     refuse("its description says actions", about=told(actions={"unit": "rad/s"}))
     refuse("its arrays have the hash", theta=stored["theta"] + 1)
     refuse("its description says 123 updates, its arrays 7", updates=np.array(7))
@@ -152,10 +178,20 @@ def test_a_run_says_where_its_weights_come_from(tmp_path):
     run = wb.learn(BASE, steps=200, out=tmp_path / "run", progress=False)
     loaded = load_weights(tmp_path / "run")
     about = loaded.about
-    assert about["provenance"]["seed"] == 1 and about["provenance"]["updates"] == 200 == loaded.updates
-    assert about["provenance"]["policy_sha256"] == run.policy.sha256() and about["sensing"] == "truth"
-    assert about["tiles"]["distance"]["unit"] == "m" and about["learner"]["gamma"] == BASE.learner.gamma
-    assert about["reward"]["preset"] == BASE.reward and about["actions"]["left"] == BASE.levels()[0].tolist()
+    assert (
+        about["provenance"]["seed"] == 1 and about["provenance"]["updates"] == 200 == loaded.updates
+    )
+    assert (
+        about["provenance"]["policy_sha256"] == run.policy.sha256() and about["sensing"] == "truth"
+    )
+    assert (
+        about["tiles"]["distance"]["unit"] == "m"
+        and about["learner"]["gamma"] == BASE.learner.gamma
+    )
+    assert (
+        about["reward"]["preset"] == BASE.reward
+        and about["actions"]["left"] == BASE.levels()[0].tolist()
+    )
     law = wb.evaluate(wb.LAWS["carrot"](), BASE, minutes=0.1, progress=False)
     law.save(tmp_path / "law")
     assert load_weights(tmp_path / "law").about["kind"] == "carrot"

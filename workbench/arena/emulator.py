@@ -1,14 +1,16 @@
-"""An emulated robot at the other end of a real wire: SerCom on a pseudo-terminal, e-puck2 packets on a TCP socket.
+"""An emulated robot at the other end of a real wire: SerCom on a pseudo-terminal, e-puck2 packets
+on a TCP socket.
 
     with Emulator(SimulatedRobot(config), "overo") as emulator:
         robot = SerComRobot(emulator.address, variant="overo")
 
-What happens inside is simulated physics, what goes over the wire is the real protocol. In real time (``rate``) the body moves on
-whether it is asked or not, as robots do; in lockstep it moves when a sensor is read again, so that nothing depends on
-clocks. Either way its world stands until somebody speaks to it. The wire can be made slow (``baud``), late (``delay_s``) and
-bad (``fault``).
+What happens inside is simulated physics, what goes over the wire is the real protocol. In real time
+(``rate``) the body moves on whether it is asked or not, as robots do; in lockstep it moves when a
+sensor is read again, so that nothing depends on clocks. Either way its world stands until somebody
+speaks to it. The wire can be made slow (``baud``), late (``delay_s``) and bad (``fault``).
 
-Contract: one client at a time. ``heard`` keeps what came in, with times, for tests; ``close`` ends all threads.
+Contract: one client at a time. ``heard`` keeps what came in, with times, for tests; ``close`` ends
+all threads.
 """
 
 import os
@@ -30,7 +32,8 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.sercom import VARIANTS
 
 PROTOCOLS = (*VARIANTS, "epuck2")
-SLOWEST, FASTEST = 1e-3, 1e3
+SLOWEST = 1e-3
+FASTEST = 1e3
 FAULTS = ("silent", "short", "split", "garbage", "late", "hang up", "half open", "mute")
 
 
@@ -52,18 +55,33 @@ class Emulator:
     """
 
     def __init__(
-        self, robot: Robot, protocol: str = "epuck1", *, rate: float = 1.0, baud: int = 0, delay_s: float = 0.0, port: int = 0
+        self,
+        robot: Robot,
+        protocol: str = "epuck1",
+        *,
+        rate: float = 1.0,
+        baud: int = 0,
+        delay_s: float = 0.0,
+        port: int = 0,
     ) -> None:
         if protocol not in PROTOCOLS:
             raise ValueError(f"protocol = {protocol!r}; expected one of {', '.join(PROTOCOLS)}")
         if not (rate == 0 or SLOWEST <= rate <= FASTEST):
             raise ValueError(
-                f"rate = {rate!r}; expected 0 for lockstep, or {SLOWEST:g} to {FASTEST:g} simulated seconds per second"
+                f"rate = {rate!r}; expected 0 for lockstep, or {SLOWEST:g} to {FASTEST:g} "
+                "simulated seconds per second"
             )
         if not 0 <= delay_s < 60 or baud < 0:
-            raise ValueError(f"baud = {baud!r}, delay_s = {delay_s!r}; expected numbers from 0 on, and less than a minute")
-        self.robot, self.protocol = robot, protocol
-        self.rate, self.baud, self.delay_s, self._port = rate, baud, delay_s, port
+            raise ValueError(
+                f"baud = {baud!r}, delay_s = {delay_s!r}; expected numbers from 0 on, and "
+                "less than a minute"
+            )
+        self.robot = robot
+        self.protocol = protocol
+        self.rate = rate
+        self.baud = baud
+        self.delay_s = delay_s
+        self._port = port
         self.heard: list[tuple[float, bytes]] = []
         self._faults: list[str] = []
         self._chance = np.random.default_rng(0)
@@ -71,13 +89,21 @@ class Emulator:
         self._leave = threading.Event()
         self._threads: list[threading.Thread] = []
         self._deaf = self._mute = False
-        self._rest: tuple[float, bytes] = (0.0, b"")  # when the second half of a split reply follows
+        self._rest: tuple[float, bytes] = (
+            0.0,
+            b"",
+        )  # when the second half of a split reply follows
 
     def __enter__(self) -> Self:
         self.open()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def open(self) -> None:
@@ -118,10 +144,10 @@ class Emulator:
         """Make the next reply fail.
 
         Args:
-            kind: "silent" no reply; "short" half of it; "split" half of it, and the other half a third of
-                a second later; "garbage" random bytes instead; "late" half a second later; "hang up" the
-                link ends; "half open" nothing is taken or sent until the next connection; "mute" takes everything and answers
-                nothing until the next connection.
+            kind: "silent" no reply; "short" half of it; "split" half of it, and the other half a
+                third of a second later; "garbage" random bytes instead; "late" half a second later;
+                "hang up" the link ends; "half open" nothing is taken or sent until the next
+                connection; "mute" takes everything and answers nothing until the next connection.
         """
         if kind not in FAULTS:
             raise ValueError(f"fault {kind!r}; expected one of {', '.join(FAULTS)}")
@@ -150,7 +176,9 @@ class Emulator:
             due += period
 
     def _converse(self, data: bytes) -> bytes | None:
-        """Return the reply to what came in, after what the wire and the delay take; None to hang up."""
+        """Return the reply to what came in, after what the wire and the delay take; None to hang
+        up.
+        """
         self.heard.append((time.monotonic(), data))
         if self._deaf:
             return b""
@@ -172,7 +200,8 @@ class Emulator:
         if kind == "hang up":
             return None
         if kind in ("half open", "mute"):
-            self._deaf, self._mute = kind == "half open", kind == "mute"
+            self._deaf = kind == "half open"
+            self._mute = kind == "mute"
             return b""
         if kind == "late":
             self._leave.wait(0.5)
@@ -197,7 +226,9 @@ class Emulator:
     def _open_pty(self) -> None:
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
-        os.set_blocking(self._master, False)  # a client that does not read loses what it does not read
+        os.set_blocking(
+            self._master, False
+        )  # a client that does not read loses what it does not read
         self.address = os.ttyname(self._slave)
         scheme = "overo" if self.protocol == "overo" else "serial"
         self.url = f"{scheme}:{self.address}"
@@ -211,7 +242,9 @@ class Emulator:
                 pass  # closed before
 
     def replug(self) -> None:
-        """Make a new terminal, as when a serial adapter is plugged in again; ``address`` changes."""
+        """Make a new terminal, as when a serial adapter is plugged in again; ``address``
+        changes.
+        """
         self._close_pty()
         self._open_pty()
 

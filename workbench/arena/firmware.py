@@ -1,9 +1,10 @@
 """The robot's end of the wire: SerCom and e-puck2 packets, answered around any robot of the API.
 
-``SerComFirmware`` and ``EPuck2Firmware`` are state machines of bytes: ``feed`` takes what has come in and returns what goes out.
-They have the firmware's habits, also the bad ones (gctronic/e-puck-library Asercom.c, GCtronic e-puck2): a chain of binary
-commands without its 0x00 makes the parser deaf to lines; ``M`` is silent on the Overo; N and O have ten values there; E echoes
-the command; Q wraps at 16 bits; an unknown command is told so.
+``SerComFirmware`` and ``EPuck2Firmware`` are state machines of bytes: ``feed`` takes what has come
+in and returns what goes out. They have the firmware's habits, also the bad ones
+(gctronic/e-puck-library Asercom.c, GCtronic e-puck2): a chain of binary commands without its 0x00
+makes the parser deaf to lines; ``M`` is silent on the Overo; N and O have ten values there; E
+echoes the command; Q wraps at 16 bits; an unknown command is told so.
 
 >>> from workbench.formation.simulated import SimulatedRobot
 >>> from workbench.robot.sercom import VARIANTS
@@ -12,8 +13,8 @@ the command; Q wraps at 16 bits; an unknown command is told so.
 ...     firmware.feed(b"D,300,300\\rE\\rM\\rX\\r")
 b'd\\r\\ne,300,300\\r\\nz,Command not found\\r\\n'
 
-Contract: no threads, no clocks; ``lockstep`` lets a control period pass whenever a sensor is read a second time, otherwise
-whoever owns the body lets time pass. A firmware never raises on bytes.
+Contract: no threads, no clocks; ``lockstep`` lets a control period pass whenever a sensor is read a
+second time, otherwise whoever owns the body lets time pass. A firmware never raises on bytes.
 """
 
 import struct
@@ -30,11 +31,15 @@ from workbench.robot.epuck2 import (
 )
 from workbench.robot.sercom import Variant
 
-WELCOME = b'\x0c\x07WELCOME to the SerCom protocol on e-Puck\r\nthe EPFL education robot type "H" for help\r\n'
+WELCOME = (
+    b"\x0c\x07WELCOME to the SerCom protocol on e-Puck\r\nthe EPFL education robot "
+    b'type "H" for help\r\n'
+)
 VERSION = b"v,Version 1.2.2 August 2008 GCtronic\r\nHW version: emulated\r\n"
 CALIBRATING = (
-    b"k, Starting calibration - Remove any object in sensors range\r\n", b"k, Calibration finished\r\n",
-)  # fmt: skip
+    b"k, Starting calibration - Remove any object in sensors range\r\n",
+    b"k, Calibration finished\r\n",
+)
 _OPERANDS = {"D": 4, "P": 4, "L": 2}  # bytes after a binary command; all others have none
 _LINE = 64  # bytes of the receiving ring
 
@@ -53,12 +58,18 @@ class _Body:
     """A robot as its firmware sees it."""
 
     def __init__(self, robot: Robot, lockstep: bool) -> None:
-        self.robot, self._lockstep, self._seen = robot, lockstep, set[str]()
-        robot.enable("proximity", "light", "floor", "motor_position", "accelerometer", "selector", "battery")
+        self.robot = robot
+        self._lockstep = lockstep
+        self._seen = set[str]()
+        robot.enable(
+            "proximity", "light", "floor", "motor_position", "accelerometer", "selector", "battery"
+        )
         self._awake = False
 
     def sensor(self, name: str) -> list[int]:
-        """Return a sensor's values; in lockstep, who reads a sensor again reads it a control period later."""
+        """Return a sensor's values; in lockstep, who reads a sensor again reads it a control period
+        later.
+        """
         if not self._awake:
             self.robot.step()
             self._awake = True
@@ -68,10 +79,14 @@ class _Body:
                 self._seen.clear()
             self._seen.add(name)
         read = {
-            "proximity": self.robot.get_proximity, "light": self.robot.get_light_sensor, "floor": self.robot.get_floor_sensors,
-            "motor_position": self.robot.get_motor_position, "accelerometer": self.robot.get_accelerometer,
-            "selector": self.robot.get_selector, "battery": self.robot.get_battery,
-        }  # fmt: skip
+            "proximity": self.robot.get_proximity,
+            "light": self.robot.get_light_sensor,
+            "floor": self.robot.get_floor_sensors,
+            "motor_position": self.robot.get_motor_position,
+            "accelerometer": self.robot.get_accelerometer,
+            "selector": self.robot.get_selector,
+            "battery": self.robot.get_battery,
+        }
         return [int(value) for value in read[name]()]
 
     def live(self) -> None:
@@ -96,8 +111,10 @@ class SerComFirmware:
     """
 
     def __init__(self, robot: Robot, variant: Variant, *, lockstep: bool = False) -> None:
-        self._body, self.variant = _Body(robot, lockstep), variant
-        self._line, self._chain = bytearray(), bytearray()
+        self._body = _Body(robot, lockstep)
+        self.variant = variant
+        self._line = bytearray()
+        self._chain = bytearray()
         self._binary = False
         self._speed = (0, 0)
 
@@ -149,8 +166,14 @@ class SerComFirmware:
         if letter == "P":
             self._body.robot.set_motor_position(*struct.unpack("<hh", operands))
             return b""
-        values = self._numbers(letter.upper() if letter == "a" else letter, self.variant.floor_binary)
-        return b"" if values is None else struct.pack(f"<{len(values)}H", *(value & 0xFFFF for value in values))
+        values = self._numbers(
+            letter.upper() if letter == "a" else letter, self.variant.floor_binary
+        )
+        return (
+            b""
+            if values is None
+            else struct.pack(f"<{len(values)}H", *(value & 0xFFFF for value in values))
+        )
 
     def _numbers(self, letter: str, floor: int) -> list[int] | None:
         """Return the numbers of a reading, None if the command reads nothing."""
@@ -234,7 +257,9 @@ class EPuck2Firmware:
         self._buffer.clear()
 
     def feed(self, data: bytes) -> bytes:
-        """Take bytes and return a reply for every whole command packet; bytes that begin none are skipped."""
+        """Take bytes and return a reply for every whole command packet; bytes that begin none are
+        skipped.
+        """
         self._buffer += data
         out = b""
         while True:
@@ -262,7 +287,11 @@ class EPuck2Firmware:
         data = bytearray(SENSOR_BYTES)
         for sensor, (place, code) in PLACES.items():
             count = struct.calcsize(code) // struct.calcsize("<" + code[-1])
-            values = [0] * count if sensor == "microphone" else (self._body.sensor(sensor) + [0] * count)[:count]
+            values = (
+                [0] * count
+                if sensor == "microphone"
+                else (self._body.sensor(sensor) + [0] * count)[:count]
+            )
             if code[-1] == "h":
                 values = [_wrap16(value) for value in values]
             struct.pack_into(code, data, place, *values)

@@ -1,16 +1,18 @@
 """The floor as the ground sensors see it: rasters of darkness, 0 on white and 1 on the black line.
 
-The juddered line of every formation is drawn once; its edge is softened by the radius of a ground sensor's spot, so that a
-single look-up is the share of the spot that is black (exact for an edge much longer than the spot, our approximation at
-crossings).
+The juddered line of every formation is drawn once; its edge is softened by the radius of a ground
+sensor's spot, so that a single look-up is the share of the spot that is black (exact for an edge
+much longer than the spot, our approximation at crossings).
 
 >>> from workbench.arena.tracks import TrackConfig, make_track
 >>> floor = draw_floors([make_track(TrackConfig(judder="none"), np.random.default_rng(0))], 0.015)
->>> [round(floor_darkness(floor.raster[0], floor.column0, floor.row0, x, 0.0), 2) for x in (0.5, 0.4)]
+>>> at = (floor.raster[0], floor.column0, floor.row0)
+>>> [round(floor_darkness(*at, x, 0.0), 2) for x in (0.5, 0.4)]
 [1.0, 0.0]
 
-Contract: a raster is uint8, row = y, column = x. Cell (i, j) has its centre at x = (column0 + j) · CELL, y = (row0 + i) ·
-CELL: the lattice is the same for all floors, so that what a sensor reads does not depend on which other tracks share a batch.
+Contract: a raster is uint8, row = y, column = x. Cell (i, j) has its centre at x = (column0 + j) ·
+CELL, y = (row0 + i) · CELL: the lattice is the same for all floors, so that what a sensor reads
+does not depend on which other tracks share a batch.
 """
 
 import math
@@ -31,7 +33,9 @@ _MARGIN = 25  # cells of white around a narrow line
 
 @dataclass(frozen=True)
 class Floor:
-    """Rasters (B, rows, columns) of darkness 0 to 255, and the lattice index of their first row and column."""
+    """Rasters (B, rows, columns) of darkness 0 to 255, and the lattice index of their first row and
+    column.
+    """
 
     raster: NDArray[np.uint8]
     column0: int
@@ -41,8 +45,14 @@ class Floor:
 def draw_floors(tracks: Sequence[Track], line_width_m: float) -> Floor:
     """Draw the line of every track, line_width_m wide, into rasters of equal size."""
     margin = max(_MARGIN, _reach(line_width_m) + 1)
-    low = np.floor(np.min([track.line.min(axis=0) for track in tracks], axis=0) / CELL).astype(int) - margin
-    high = np.ceil(np.max([track.line.max(axis=0) for track in tracks], axis=0) / CELL).astype(int) + margin
+    low = (
+        np.floor(np.min([track.line.min(axis=0) for track in tracks], axis=0) / CELL).astype(int)
+        - margin
+    )
+    high = (
+        np.ceil(np.max([track.line.max(axis=0) for track in tracks], axis=0) / CELL).astype(int)
+        + margin
+    )
     columns, rows = (int(n) + 1 for n in high - low)
     raster = np.stack([_draw(track, line_width_m, low, (rows, columns)) for track in tracks])
     return Floor(raster, int(low[0]), int(low[1]))
@@ -53,11 +63,15 @@ def _reach(line_width_m: float) -> int:
     return math.ceil((line_width_m / 2 + SPOT) / CELL) + 1
 
 
-def _draw(track: Track, line_width_m: float, low: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.uint8]:
+def _draw(
+    track: Track, line_width_m: float, low: NDArray[np.int64], shape: tuple[int, int]
+) -> NDArray[np.uint8]:
     reach = _reach(line_width_m)
     window = range(-reach, reach + 1)
     nearest = np.full(shape, np.inf)
-    line = track.line[:: max(1, int(line_width_m / 2 / SPACING / 6))]  # fewer points do for a wide line
+    line = track.line[
+        :: max(1, int(line_width_m / 2 / SPACING / 6))
+    ]  # fewer points do for a wide line
     cells = np.round(line / CELL).astype(int)
     for dy in window:
         for dx in window:
@@ -70,9 +84,12 @@ def _draw(track: Track, line_width_m: float, low: NDArray[np.int64], shape: tupl
 
 @compiled
 def floor_darkness(raster: Any, column0: int, row0: int, x: float, y: float) -> float:
-    """Return the darkness in [0, 1] of one floor (rows, columns) at x, y (m): bilinear, white outside."""
+    """Return the darkness in [0, 1] of one floor (rows, columns) at x, y (m): bilinear, white
+    outside.
+    """
     column, row = math.floor(x / CELL), math.floor(y / CELL)
-    j, i = column - column0, row - row0
+    j = column - column0
+    i = row - row0
     if not (0 <= j < raster.shape[1] - 1 and 0 <= i < raster.shape[0] - 1):
         return 0.0
     u, v = x / CELL - column, y / CELL - row

@@ -1,11 +1,12 @@
-"""Pictures as the overhead camera takes them: floor with its line, robots with their markers, light, blur and noise.
+"""Pictures as the overhead camera takes them: floor with its line, robots with their markers,
+light, blur and noise.
 
-The floor is drawn once per track, pixel by pixel through the true lens. A marker is warped into its place (perspective, and the
-lens at its corners; within a marker of 27 pixels the lens is a straight one). Then exposure, blur and noise are put on
-everything.
+The floor is drawn once per track, pixel by pixel through the true lens. A marker is warped into its
+place (perspective, and the lens at its corners; within a marker of 27 pixels the lens is a straight
+one). Then exposure, blur and noise are put on everything.
 
-Contract: ``frame`` returns a new (height, width) uint8 array. Noise comes from the generator that was given: a large tile of it
-is drawn once and shifted at random.
+Contract: ``frame`` returns a new (height, width) uint8 array. Noise comes from the generator that
+was given: a large tile of it is drawn once and shifted at random.
 """
 
 import math
@@ -20,7 +21,11 @@ from workbench.arena.floor import CELL, Floor
 from workbench.robot.geometry import BODY_RADIUS
 
 Picture = NDArray[np.uint8]
-FLOOR, LINE, SHELL, PAPER = 205, 30, 120, 245  # grey levels
+# grey levels
+FLOOR = 205
+LINE = 30
+SHELL = 120
+PAPER = 245
 _CELL = 12  # texture pixels per cell of a marker
 _FINE = 3  # sub-pixels per pixel where robots are drawn
 _SHIFT = 256  # pixels by which the noise is shifted
@@ -36,8 +41,17 @@ class Frames:
         rng: noise.
     """
 
-    def __init__(self, camera: Camera, floor: Floor | None, robots: int, rng: np.random.Generator, *, formation: int = 0) -> None:
-        self.camera, self._rng = camera, rng
+    def __init__(
+        self,
+        camera: Camera,
+        floor: Floor | None,
+        robots: int,
+        rng: np.random.Generator,
+        *,
+        formation: int = 0,
+    ) -> None:
+        self.camera = camera
+        self._rng = rng
         config = camera.config
         self.exposure, self.blur_px, self.noise = CONDITIONS[config.conditions]
         self._shape = (config.height_px, config.width_px)
@@ -46,18 +60,30 @@ class Frames:
         side = 6 * _CELL  # four cells and a black border
         self._textures = [
             cv2.copyMakeBorder(
-                cv2.aruco.generateImageMarker(markers, number, side), _CELL, _CELL, _CELL, _CELL, cv2.BORDER_CONSTANT, value=PAPER
+                cv2.aruco.generateImageMarker(markers, number, side),
+                _CELL,
+                _CELL,
+                _CELL,
+                _CELL,
+                cv2.BORDER_CONSTANT,
+                value=PAPER,
             )
             for number in range(robots)
         ]
-        tile = self.noise * rng.standard_normal((self._shape[0] + _SHIFT, self._shape[1] + _SHIFT), dtype=np.float32)
+        tile = self.noise * rng.standard_normal(
+            (self._shape[0] + _SHIFT, self._shape[1] + _SHIFT), dtype=np.float32
+        )
         self._noise = np.round(tile).astype(np.int16)
 
     def frame(self, poses: NDArray[np.float64], hidden: NDArray[np.bool_] | None = None) -> Picture:
-        """Return the picture of robots at poses (robots, 3): x, y in m and heading in rad; hidden ones lack their marker."""
+        """Return the picture of robots at poses (robots, 3): x, y in m and heading in rad; hidden
+        ones lack their marker.
+        """
         image = self._background.copy()
         for number, (x, y, heading) in enumerate(poses):
-            self._draw_robot(image, number, x, y, heading, marker=hidden is None or not hidden[number])
+            self._draw_robot(
+                image, number, x, y, heading, marker=hidden is None or not hidden[number]
+            )
         if self.exposure != 1.0:
             image = np.asarray(cv2.convertScaleAbs(image, alpha=self.exposure), np.uint8)
         if self.blur_px:
@@ -74,33 +100,59 @@ class Frames:
         if floor is None:
             return np.full(self._shape, FLOOR, np.uint8)
         columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-        points = self.camera.truth().plane_points(np.column_stack([columns.ravel(), rows.ravel()]), 0.0)
+        points = self.camera.truth().plane_points(
+            np.column_stack([columns.ravel(), rows.ravel()]), 0.0
+        )
         u = (points[:, 0] / CELL - floor.column0).reshape(height, width).astype(np.float32)
         v = (points[:, 1] / CELL - floor.row0).reshape(height, width).astype(np.float32)
-        dark = cv2.remap(floor.raster[formation], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+        dark = cv2.remap(
+            floor.raster[formation],
+            u,
+            v,
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=0,
+        )
         background: Picture = np.round(FLOOR + (LINE - FLOOR) * (dark / 255.0)).astype(np.uint8)
         return background
 
-    def _draw_robot(self, image: Picture, number: int, x: float, y: float, heading: float, *, marker: bool) -> None:
+    def _draw_robot(
+        self, image: Picture, number: int, x: float, y: float, heading: float, *, marker: bool
+    ) -> None:
         camera = self.camera
         rim = np.linspace(0, 2 * math.pi, 24, endpoint=False)
-        shell = np.column_stack([x + BODY_RADIUS * np.cos(rim), y + BODY_RADIUS * np.sin(rim), np.full(24, MARKER_HEIGHT)])
+        shell = np.column_stack(
+            [
+                x + BODY_RADIUS * np.cos(rim),
+                y + BODY_RADIUS * np.sin(rim),
+                np.full(24, MARKER_HEIGHT),
+            ]
+        )
         paper = camera.marker_corners(x, y, heading, grow=8 / 6)
         pixels = camera.project(np.concatenate([shell, paper]))
         low = np.floor(pixels.min(axis=0)).astype(int) - 1
         high = np.ceil(pixels.max(axis=0)).astype(int) + 2
-        x0, y0, x1, y1 = max(low[0], 0), max(low[1], 0), min(high[0], image.shape[1]), min(high[1], image.shape[0])
+        x0 = max(low[0], 0)
+        y0 = max(low[1], 0)
+        x1 = min(high[0], image.shape[1])
+        y1 = min(high[1], image.shape[0])
         if x1 <= x0 or y1 <= y0:
             return
         fine = ((pixels - [x0, y0] + 0.5) * _FINE - 0.5).astype(np.float32)
-        patch = cv2.resize(image[y0:y1, x0:x1], None, fx=_FINE, fy=_FINE, interpolation=cv2.INTER_NEAREST)
+        patch = cv2.resize(
+            image[y0:y1, x0:x1], None, fx=_FINE, fy=_FINE, interpolation=cv2.INTER_NEAREST
+        )
         cv2.fillPoly(patch, [np.round(fine[:24] * 8).astype(np.int32)], SHELL, shift=3)
         if marker:
             side = self._textures[number].shape[0]
             texture = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32) - 0.5
             warp = cv2.getPerspectiveTransform(texture, fine[24:])
             cv2.warpPerspective(
-                self._textures[number], warp, (patch.shape[1], patch.shape[0]), dst=patch, flags=cv2.INTER_AREA,
+                self._textures[number],
+                warp,
+                (patch.shape[1], patch.shape[0]),
+                dst=patch,
+                flags=cv2.INTER_AREA,
                 borderMode=cv2.BORDER_TRANSPARENT,
-            )  # fmt: skip
+            )
         image[y0:y1, x0:x1] = cv2.resize(patch, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)

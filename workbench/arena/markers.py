@@ -1,10 +1,12 @@
-"""From pixels to poses: ``cv2.aruco.ArucoDetector`` finds the markers, the calibration makes poses of their corners.
+"""From pixels to poses: ``cv2.aruco.ArucoDetector`` finds the markers, the calibration makes poses
+of their corners.
 
-In a sequence most markers are where they were expected: small windows around the expected places are searched first, and the
-whole picture only while a robot is missing. A light blur before detection costs little and saves most of the time that noise
-would.
+In a sequence most markers are where they were expected: small windows around the expected places
+are searched first, and the whole picture only while a robot is missing. A light blur before
+detection costs little and saves most of the time that noise would.
 
-Contract: a Finder keeps no picture. Expected places are the caller's; without them the whole picture is searched.
+Contract: a Finder keeps no picture. Expected places are the caller's; without them the whole
+picture is searched.
 """
 
 from collections.abc import Iterator, Mapping
@@ -30,20 +32,26 @@ class Finder:
     """
 
     def __init__(self, camera: Camera, robots: int) -> None:
-        self.camera, self.robots = camera, robots
+        self.camera = camera
+        self.robots = robots
         settings = cv2.aruco.DetectorParameters()
         settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
         settings.perspectiveRemovePixelPerCell = 8
         settings.perspectiveRemoveIgnoredMarginPerCell = 0.25
         settings.errorCorrectionRate = 1.0
-        settings.adaptiveThreshWinSizeMin, settings.adaptiveThreshWinSizeMax = 13, 23
+        settings.adaptiveThreshWinSizeMin = 13
+        settings.adaptiveThreshWinSizeMax = 23
         settings.minMarkerPerimeterRate = 0.02
         self._detector = cv2.aruco.ArucoDetector(dictionary(robots), settings)
         near = cv2.aruco.DetectorParameters()
         for name in (
-            "cornerRefinementMethod", "perspectiveRemovePixelPerCell", "perspectiveRemoveIgnoredMarginPerCell",
-            "errorCorrectionRate", "adaptiveThreshWinSizeMin", "adaptiveThreshWinSizeMax",
-        ):  # fmt: skip
+            "cornerRefinementMethod",
+            "perspectiveRemovePixelPerCell",
+            "perspectiveRemoveIgnoredMarginPerCell",
+            "errorCorrectionRate",
+            "adaptiveThreshWinSizeMin",
+            "adaptiveThreshWinSizeMax",
+        ):
             setattr(near, name, getattr(settings, name))
         near.minMarkerPerimeterRate = 0.5
         self._near = cv2.aruco.ArucoDetector(dictionary(robots), near)
@@ -80,7 +88,9 @@ class Finder:
                 return corners + [x0, y0]
         return None
 
-    def _detect(self, detector: "cv2.aruco.ArucoDetector", image: Picture) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def _detect(
+        self, detector: "cv2.aruco.ArucoDetector", image: Picture
+    ) -> Iterator[tuple[int, NDArray[np.float64]]]:
         corners, numbers, _ = detector.detectMarkers(cv2.GaussianBlur(image, (3, 3), 0))
         for found, number in zip(corners, [] if numbers is None else numbers.ravel(), strict=True):
             if number < self.robots:
@@ -95,7 +105,9 @@ def pictures(folder: str | Path) -> Iterator[tuple[str, Picture]]:
         ValueError: a file is no picture.
     """
     place = Path(folder)
-    files = sorted(path for path in place.glob("*") if path.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    files = sorted(
+        path for path in place.glob("*") if path.suffix.lower() in (".png", ".jpg", ".jpeg")
+    )
     if not files:
         raise FileNotFoundError(f"{place} holds no .png or .jpg pictures")
     for path in files:

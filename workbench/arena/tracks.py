@@ -1,22 +1,24 @@
 """Closed tracks for the leader: a nominal loop, and the juddered line that is drawn on the floor.
 
-Shapes: "circle"; "stadium", two half circles and two straights as long as the diameter; "eight", a lemniscate of
-Bernoulli, which crosses itself at a right angle and turns as much to the left as to the right. ``radius_m`` is the
-smallest radius of curvature of each.
+Shapes: "circle"; "stadium", two half circles and two straights as long as the diameter; "eight", a
+lemniscate of Bernoulli, which crosses itself at a right angle and turns as much to the left as to
+the right. ``radius_m`` is the smallest radius of curvature of each.
 
-The paper's line "is jittered and shall represent data which is comparable to the output of a SLAM based path planner"
-(I-D), without numbers. Our choice: a lateral offset of 4 mm RMS with wavelengths of 0.1 to 0.3 m.
+The paper's line "is jittered and shall represent data which is comparable to the output of a SLAM
+based path planner" (I-D), without numbers. Our choice: a lateral offset of 4 mm RMS with
+wavelengths of 0.1 to 0.3 m.
 
-* judder "spectrum": a sum of all harmonics of the loop in that band, equal amplitudes, random phases: a flat amplitude
-  spectrum, zero outside the band.
-* judder "replan": every 0.1 to 0.3 m (uniform) the planner replaces its path: the offset steps to a new normal random
-  value, with a smooth ramp of 20 mm; scaled to the same RMS.
+* judder "spectrum": a sum of all harmonics of the loop in that band, equal amplitudes, random
+  phases: a flat amplitude spectrum, zero outside the band.
+* judder "replan": every 0.1 to 0.3 m (uniform) the planner replaces its path: the offset steps to a
+  new normal random value, with a smooth ramp of 20 mm; scaled to the same RMS.
 
 >>> line = make_track(TrackConfig(judder="none"), np.random.default_rng(0))
 >>> round(line.length_m, 3), line.clockwise
 (3.142, True)
 
-Contract: a Track is immutable; positions are in metres, arc length s runs along the nominal loop in driving direction.
+Contract: a Track is immutable; positions are in metres, arc length s runs along the nominal loop in
+driving direction.
 """
 
 import math
@@ -29,7 +31,9 @@ from workbench.fields import choice, configuration, real, reals
 
 Floats = NDArray[np.float64]
 SPACING = 0.001  # m between points of the stored line
-_HEADING_M = 0.1  # m that a unit of direction counts for when a place on the loop is looked up: tells an eight's branches apart
+# m that a unit of direction counts for when a place on the loop is looked up: tells an eight's
+# branches apart
+_HEADING_M = 0.1
 RAMP = 0.020  # m, over which a re-planned path joins its new offset
 
 
@@ -37,10 +41,22 @@ RAMP = 0.020  # m, over which a re-planned path joins its new offset
 class TrackConfig:
     """The line on the floor."""
 
-    shape: str = choice(("circle", "stadium", "eight"), "form of the nominal loop", default="circle")
-    radius_m: float = real(0.15, 50.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5)
-    direction: str = choice(("clockwise", "anticlockwise"), "driving direction (of the eight's first lobe)", default="clockwise")
-    judder: str = choice(("spectrum", "replan", "none"), "how the line deviates from the nominal loop", default="spectrum")
+    shape: str = choice(
+        ("circle", "stadium", "eight"), "form of the nominal loop", default="circle"
+    )
+    radius_m: float = real(
+        0.15, 50.0, "m", "smallest radius of curvature; grows if the convoy needs room", default=0.5
+    )
+    direction: str = choice(
+        ("clockwise", "anticlockwise"),
+        "driving direction (of the eight's first lobe)",
+        default="clockwise",
+    )
+    judder: str = choice(
+        ("spectrum", "replan", "none"),
+        "how the line deviates from the nominal loop",
+        default="spectrum",
+    )
     judder_rms_m: float = real(0.0, 0.2, "m", "RMS lateral offset of the line", default=0.004)
     wavelengths_m: tuple[float, float] = reals(
         0.05, 20.0, "m", "shortest and longest wavelength of the judder", default=(0.1, 0.3)
@@ -51,16 +67,20 @@ class TrackConfig:
         short, long = self.wavelengths_m
         if short >= long:
             raise ValueError(
-                f"TrackConfig.wavelengths_m = {self.wavelengths_m!r}; expected (shortest, longest) with shortest < longest"
+                f"TrackConfig.wavelengths_m = {self.wavelengths_m!r}; expected (shortest, "
+                "longest) with shortest < longest"
             )
 
     def scaled(self, factor: float) -> "TrackConfig":
         """Return the same track with all lengths times a factor."""
         short, long = self.wavelengths_m
         return replace(
-            self, radius_m=factor * self.radius_m, judder_rms_m=factor * self.judder_rms_m,
-            wavelengths_m=(factor * short, factor * long), line_width_m=factor * self.line_width_m,
-        )  # fmt: skip
+            self,
+            radius_m=factor * self.radius_m,
+            judder_rms_m=factor * self.judder_rms_m,
+            wavelengths_m=(factor * short, factor * long),
+            line_width_m=factor * self.line_width_m,
+        )
 
 
 @dataclass(frozen=True)
@@ -86,7 +106,9 @@ class Track:
     clockwise: bool
 
     def pose(self, s: float) -> tuple[float, float, float]:
-        """Return x, y in m and heading in rad on the nominal loop at arc length s (taken modulo the length)."""
+        """Return x, y in m and heading in rad on the nominal loop at arc length s (taken modulo the
+        length).
+        """
         points = np.vstack([self.nominal, self.nominal[:1]])
         at = np.append(self.s, self.length_m)
         wrapped = s % self.length_m
@@ -108,28 +130,36 @@ class Track:
         angle = np.asarray(heading, dtype=np.float64)
         ahead = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         tree = cKDTree(np.hstack([self.nominal, _HEADING_M * _tangent(self.nominal)]))
-        found = tree.query(np.concatenate([np.asarray(position, dtype=np.float64), _HEADING_M * ahead], axis=-1))[1]
+        found = tree.query(
+            np.concatenate([np.asarray(position, dtype=np.float64), _HEADING_M * ahead], axis=-1)
+        )[1]
         return np.asarray(found, dtype=np.int64)
 
     def lateral(self, position: ArrayLike, heading: ArrayLike) -> tuple[Floats, Floats]:
-        """Return arc length along the nominal loop and deviation from it, left positive, in m; arguments as ``nearest``."""
+        """Return arc length along the nominal loop and deviation from it, left positive, in m;
+        arguments as ``nearest``.
+        """
         near = self.nearest(position, heading)
-        tangent, gap = _tangent(self.nominal)[near], np.asarray(position, dtype=np.float64) - self.nominal[near]
+        tangent = _tangent(self.nominal)[near]
+        gap = np.asarray(position, dtype=np.float64) - self.nominal[near]
         along: Floats = self.s[near] + np.sum(tangent * gap, axis=-1)
         return along, tangent[..., 0] * gap[..., 1] - tangent[..., 1] * gap[..., 0]
 
     def deviation(self, points: ArrayLike, *, nominal: bool = False) -> Floats:
-        """Return the lateral distance in m of points (T, 2) from the line (or the nominal loop), left positive.
+        """Return the lateral distance in m of points (T, 2) from the line (or the nominal loop),
+        left positive.
 
-        A driven path is followed in order: each point is compared with the line near its predecessor's place, so that
-        the crossing of the eight does not confuse the two branches.
+        A driven path is followed in order: each point is compared with the line near its
+        predecessor's place, so that the crossing of the eight does not confuse the two branches.
         """
         reference = self.nominal if nominal else self.line
         path = np.asarray(points, dtype=np.float64)
         tangent = _tangent(reference)
         away = np.sum((reference - path[0]) ** 2, axis=1)
         motion = path[min(3, len(path) - 1)] - path[0]
-        if np.hypot(*motion) > 0:  # where two branches cross, start on the one that runs along the path
+        if (
+            np.hypot(*motion) > 0
+        ):  # where two branches cross, start on the one that runs along the path
             away += 0.02**2 * (1 - tangent @ (motion / np.hypot(*motion)))
         near = int(np.argmin(away))
         window = np.arange(-60, 200)
@@ -143,8 +173,11 @@ class Track:
         return result
 
 
-def make_track(config: TrackConfig, rng: np.random.Generator, *, convoy_length_m: float = 0.0) -> Track:
-    """Build a track; the loop is scaled up where a convoy of the given length would fill over 3/5 of it (or of a lobe).
+def make_track(
+    config: TrackConfig, rng: np.random.Generator, *, convoy_length_m: float = 0.0
+) -> Track:
+    """Build a track; the loop is scaled up where a convoy of the given length would fill over 3/5
+    of it (or of a lobe).
 
     Args:
         config: the shape and its judder.
@@ -182,7 +215,8 @@ def _loop(shape: str, radius: float) -> tuple[float, Floats]:
     elif shape == "stadium":
         bend = np.linspace(-math.pi / 2, math.pi / 2, 2049)
         cap = radius * np.column_stack([np.cos(bend), np.sin(bend)])
-        right, left = cap + [radius, 0.0], -cap - [radius, 0.0]
+        right = cap + [radius, 0.0]
+        left = -cap - [radius, 0.0]
         dense = np.vstack([right, left, right[:1]])
     else:  # lemniscate of Bernoulli with half width a; its curvature is 3 r / a², at most 3 / a
         a = 3 * radius
@@ -190,7 +224,9 @@ def _loop(shape: str, radius: float) -> tuple[float, Floats]:
         stretch = a / (1 + np.sin(turn) ** 2)
         dense = np.column_stack([stretch * np.cos(turn), stretch * np.sin(turn) * np.cos(turn)])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
-    length = {"circle": 2 * math.pi * radius, "stadium": (2 * math.pi + 4) * radius}.get(shape, float(along[-1]))
+    length = {"circle": 2 * math.pi * radius, "stadium": (2 * math.pi + 4) * radius}.get(
+        shape, float(along[-1])
+    )
     count = math.ceil(length / SPACING)
     at = np.arange(count) * (along[-1] / count)
     return length, np.column_stack([np.interp(at, along, dense[:, k]) for k in (0, 1)])
@@ -204,7 +240,8 @@ def _judder(config: TrackConfig, s: Floats, length: float, rng: np.random.Genera
         harmonics = np.arange(math.ceil(length / long), math.floor(length / short) + 1)
         if not harmonics.size:
             raise ValueError(
-                f"TrackConfig.wavelengths_m = {config.wavelengths_m!r}: no harmonic of a loop of {length:.2f} m lies in this "
+                f"TrackConfig.wavelengths_m = {config.wavelengths_m!r}: no harmonic of a loop "
+                f"of {length:.2f} m lies in this "
                 "band; widen it, or enlarge radius_m"
             )
         phases = rng.uniform(0.0, 2 * math.pi, harmonics.size)

@@ -1,16 +1,18 @@
 """The world: B formations of one model, stepped by MuJoCo on its own threads.
 
-A formation is a line of robots on a track of its own. Its whole physics is one row of ``states`` (mjSTATE_INTEGRATION,
-solver warm start included), so that a checkpoint of the physics is an array copy.
+A formation is a line of robots on a track of its own. Its whole physics is one row of ``states``
+(mjSTATE_INTEGRATION, solver warm start included), so that a checkpoint of the physics is an array
+copy.
 
 >>> from workbench.arena.tracks import TrackConfig, make_track
->>> world = World(1, [make_track(TrackConfig(judder="none"), np.random.default_rng(0))], drive="planar", spacing_m=0.15)
+>>> track = make_track(TrackConfig(judder="none"), np.random.default_rng(0))
+>>> world = World(1, [track], drive="planar", spacing_m=0.15)
 >>> world.command(0, 0, 466, 466); world.step()
 >>> [round(v, 3) for v in world.pose(0, 0)]
 [-0.408, -0.289, 2.199]
 
-Contract: ``qpos``, ``ctrl`` and ``states`` are live views; a write is the state at the next step. Results do not depend on
-the number of threads. A world is used by one Python thread at a time.
+Contract: ``qpos``, ``ctrl`` and ``states`` are live views; a write is the state at the next step.
+Results do not depend on the number of threads. A world is used by one Python thread at a time.
 """
 
 import math
@@ -31,7 +33,8 @@ from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.motors import wheel_speed
 
-# what commands become: whether wheels turn, rad (wheels) or m (planar) per step, steps/s at most, the timer's ticks per second
+# what commands become: whether wheels turn, rad (wheels) or m (planar) per step, steps/s at most,
+# the timer's ticks per second
 MOTORS = np.dtype([("wheels", "i8"), ("per_step", "f8"), ("most", "i8"), ("ticks", "i8")])
 
 
@@ -39,15 +42,25 @@ def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
     """Return the fields of MOTORS for a robot and a drive."""
     wheels = drive == "wheels"
     per_step = 2 * math.pi / robot.steps_per_turn if wheels else robot.step_m
-    return {"wheels": wheels, "per_step": per_step, "most": robot.most_steps, "ticks": robot.timer_hz}
+    return {
+        "wheels": wheels,
+        "per_step": per_step,
+        "most": robot.most_steps,
+        "ticks": robot.timer_hz,
+    }
 
 
 @compiled
 def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float, float]:
-    """Return x, y in m and the cosine and sine of the heading of a robot, from its formation's qpos row."""
+    """Return x, y in m and the cosine and sine of the heading of a robot, from its formation's qpos
+    row.
+    """
     if wheels:
         k = 9 * robot
-        q0, q1, q2, q3 = qpos[k + 3], qpos[k + 4], qpos[k + 5], qpos[k + 6]
+        q0 = qpos[k + 3]
+        q1 = qpos[k + 4]
+        q2 = qpos[k + 5]
+        q3 = qpos[k + 6]
         c = q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3
         s = 2.0 * (q0 * q3 + q1 * q2)
         norm = math.sqrt(c * c + s * s)
@@ -58,9 +71,11 @@ def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float,
 
 @compiled
 def write_command(ctrl: Any, motors: Any, robot: int, left: int, right: int) -> None:
-    """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the firmware's quantisation.
+    """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the
+    firmware's quantisation.
 
-    ``motors`` has ``wheels``, ``per_step`` (rad on wheels, m planar), ``most`` and ``ticks``: a record of type MOTORS or TASK.
+    ``motors`` has ``wheels``, ``per_step`` (rad on wheels, m planar), ``most`` and ``ticks``: a
+    record of type MOTORS or TASK.
     """
     k = 2 * robot if motors.wheels else 3 * robot
     ctrl[k] = wheel_speed(left, motors.most, motors.ticks) * motors.per_step
@@ -82,7 +97,8 @@ class World:
         spacing_m: distance between neighbours at the start.
         line_width_m: width of the black line.
         robot: what the robots are; default the e-puck.
-        furnish: adds what else stands in the arena to the model's specification, see ``arena.proximity.add_box``.
+        furnish: adds what else stands in the arena to the model's specification, see
+            ``arena.proximity.add_box``.
         threads: MuJoCo's threads; 0 takes one per formation, at most one per core.
 
     Attributes:
@@ -106,14 +122,20 @@ class World:
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
         self.model = build_model(followers + 1, drive, furnish, robot)
-        self.robot, self._motors = robot, np.zeros(1, MOTORS)
+        self.robot = robot
+        self._motors = np.zeros(1, MOTORS)
         for name, value in motors_of(robot, drive).items():
             self._motors[name] = value
-        self.drive, self.wheels = drive, drive == "wheels"
+        self.drive = drive
+        self.wheels = drive == "wheels"
         self.robots = followers + 1
         self.tracks = tracks
         self.substeps = round(CONTROL_PERIOD / TIMESTEP[drive])
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        cores = (
+            len(os.sched_getaffinity(0))
+            if hasattr(os, "sched_getaffinity")
+            else os.cpu_count() or 1
+        )
         self.threads = max(1, min(threads or cores, len(tracks)))
         self.batch = mujoco_batch.Batch(self.model, len(tracks), self.threads)
         self.qpos: NDArray[np.float64] = self.batch.bind("qpos")
@@ -142,11 +164,14 @@ class World:
         self._time[formation] = now
 
     def check(self, formation: int, periods: int) -> None:
-        """Raise RuntimeError if MuJoCo gave up on a formation (it then resets it, clock included)."""
+        """Raise RuntimeError if MuJoCo gave up on a formation (it then resets it, clock
+        included).
+        """
         now = float(self._time[formation].item())
         if not math.isclose(now, periods * CONTROL_PERIOD, rel_tol=1e-6):
             raise RuntimeError(
-                f"the physics of formation {formation} became unstable: its clock stands at {now:g} s after {periods} control "
+                f"the physics of formation {formation} became unstable: its clock stands at "
+                f"{now:g} s after {periods} control "
                 f"periods of {CONTROL_PERIOD:g} s; results from here on would be meaningless"
             )
 
@@ -164,7 +189,17 @@ class World:
         width = QPOS[self.drive]
         row = self.qpos[formation, width * robot : width * (robot + 1)]
         if self.wheels:
-            row[:] = (x, y, self.robot.wheel_radius_m, math.cos(heading / 2), 0, 0, math.sin(heading / 2), 0, 0)
+            row[:] = (
+                x,
+                y,
+                self.robot.wheel_radius_m,
+                math.cos(heading / 2),
+                0,
+                0,
+                math.sin(heading / 2),
+                0,
+                0,
+            )
         else:
             row[:] = (x, y, heading)
         dofs = self.model.nv // self.robots
@@ -173,7 +208,9 @@ class World:
         self.ctrl[formation, count * robot : count * (robot + 1)] = 0
 
     def _line_up(self, formation: int, track: Track, spacing_m: float) -> None:
-        """Place the robots on the nominal loop, each looking at its predecessor from spacing_m behind it."""
+        """Place the robots on the nominal loop, each looking at its predecessor from spacing_m
+        behind it.
+        """
         s = 0.4 * track.length_m
         x, y, heading = track.pose(s)
         self.place(formation, 0, x, y, heading)

@@ -1,16 +1,20 @@
 """Doors for other people's learners: the follower's task as gymnasium and pettingzoo environments.
 
-    FollowEnv         gymnasium.Env: one follower behind the leader; "workbench/Follow-v0" (planar), "workbench/FollowWheels-v0"
-    FollowVectorEnv   gymnasium.vector.VectorEnv: the same in many formations side by side; the same ids with make_vec
+    FollowEnv         gymnasium.Env: one follower behind the leader; "workbench/Follow-v0" (planar),
+                      "workbench/FollowWheels-v0"
+    FollowVectorEnv   gymnasium.vector.VectorEnv: the same in many formations side by side; the same
+                      ids with make_vec
     ConvoyEnv         pettingzoo.ParallelEnv: all followers of one formation, each an agent
 
 Options of all three, after the configuration (default: planar drive):
 
-    observation   "errors": distance and bearing error in units of their bounds, clipped to ±2; "tiles": the number of the state
-                  tile, one more for outside the bounds; "infrared": eight proximity readings in counts (with infrared sensing)
-    actions       "discrete": pairs of speed levels, a = i_left * levels + i_right; "continuous": left and right speed, from
-                  -1, the slowest level, to 1, the fastest
-    reward        a function of your own, r(u, v), see ``workbench.formation.own``; default: the configuration's
+    observation   "errors": distance and bearing error in units of their bounds, clipped to ±2;
+                  "tiles": the number of the state tile, one more for outside the bounds;
+                  "infrared": eight proximity readings in counts (with infrared sensing)
+    actions       "discrete": pairs of speed levels, a = i_left * levels + i_right; "continuous":
+                  left and right speed, from -1, the slowest level, to 1, the fastest
+    reward        a function of your own, r(u, v), see ``workbench.formation.own``; default: the
+                  configuration's
     seconds       of simulated time after which an episode is truncated
 
 >>> env = FollowEnv(observation="tiles", actions="discrete")
@@ -19,14 +23,16 @@ Options of all three, after the configuration (default: planar drive):
 >>> bool(-1.0 < reward <= 0.0), terminated, truncated
 (True, False, False)
 
-Everything below the choice of an action is the workbench's own: physics, senses with their noise, tiles, rewards, terminal bounds
-and terminal reward. An episode begins with the followers in line behind the leader, wherever it is on its track, at random places
-in the inner third of their bounds; it is *terminated* when a follower loses its leader and *truncated* after a time. Followers
-are put back by hand here, they do not drive back (paper II-C): that manoeuvre belongs to our own follower.
+Everything below the choice of an action is the workbench's own: physics, senses with their noise,
+tiles, rewards, terminal bounds and terminal reward. An episode begins with the followers in line
+behind the leader, wherever it is on its track, at random places in the inner third of their bounds;
+it is *terminated* when a follower loses its leader and *truncated* after a time. Followers are put
+back by hand here, they do not drive back (paper II-C): that manoeuvre belongs to our own follower.
 
-Contract: ``reset(seed=…)`` makes everything anew from that seed, track included; without a seed the leader drives on (the very
-first time the configuration's seed counts, so that equal environments side by side need seeds). Equal seeds and actions give
-equal results for an equal number of formations.
+Contract: ``reset(seed=…)`` makes everything anew from that seed, track included; without a seed the
+leader drives on (the very first time the configuration's seed counts, so that equal environments
+side by side need seeds). Equal seeds and actions give equal results for an equal number of
+formations.
 """
 
 from dataclasses import replace
@@ -57,7 +63,9 @@ def _alone(config: ConvoyConfig) -> ConvoyConfig:
 
 
 class FollowEnv(gymnasium.Env[Any, Any]):
-    """One follower behind the leader, as a gymnasium environment; of a configuration's followers only the first is there."""
+    """One follower behind the leader, as a gymnasium environment; of a configuration's followers
+    only the first is there.
+    """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)}
 
@@ -73,15 +81,20 @@ class FollowEnv(gymnasium.Env[Any, Any]):
     ) -> None:
         _check_render(render_mode)
         self._core = Formations(_alone(config), 1, observation, actions, reward, seconds)
-        self.config, self.render_mode, self._over = self._core.config, render_mode, False
-        self.observation_space, self.action_space = self._core.observation_space, self._core.action_space
+        self.config = self._core.config
+        self.render_mode = render_mode
+        self._over = False
+        self.observation_space = self._core.observation_space
+        self.action_space = self._core.action_space
 
     @property
     def convoy(self) -> Convoy:
         """The formation, open to every use."""
         return self._core.convoy
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; with a seed, make everything anew."""
         super().reset(seed=seed)
         _begin(self._core, seed)
@@ -93,7 +106,8 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         if self._over:
             raise RuntimeError("the episode is over; call reset() first")
         reward, lost = self._core.act(np.asarray(action)[None, None])
-        terminated, truncated = bool(lost[0, 0]), bool(self._core.age[0] >= self._core.limit)
+        terminated = bool(lost[0, 0])
+        truncated = bool(self._core.age[0] >= self._core.limit)
         self._over = terminated or truncated
         return self._see(), float(reward[0, 0]), terminated, truncated, {}
 
@@ -107,14 +121,18 @@ class FollowEnv(gymnasium.Env[Any, Any]):
 
 
 class FollowVectorEnv(VectorEnv[Any, Any, Any]):
-    """Many followers, each in a formation and on a track of its own, as one gymnasium vector environment.
+    """Many followers, each in a formation and on a track of its own, as one gymnasium vector
+    environment.
 
-    Formations whose episode has ended begin anew at the next step, whose action they ignore (``AutoresetMode.NEXT_STEP``).
+    Formations whose episode has ended begin anew at the next step, whose action they ignore
+    (``AutoresetMode.NEXT_STEP``).
     """
 
     metadata = {
-        "autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)
-    }  # fmt: skip
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1 / CONTROL_PERIOD),
+    }
 
     def __init__(
         self,
@@ -129,8 +147,11 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
     ) -> None:
         _check_render(render_mode)
         self._core = Formations(_alone(config), num_envs, observation, actions, reward, seconds)
-        self.config, self.num_envs, self.render_mode = self._core.config, num_envs, render_mode
-        self.single_observation_space, self.single_action_space = self._core.observation_space, self._core.action_space
+        self.config = self._core.config
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.single_observation_space = self._core.observation_space
+        self.single_action_space = self._core.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended = np.zeros(num_envs, bool)
@@ -140,10 +161,16 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         """The formations, open to every use."""
         return self._core.convoy
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in every formation; with a seed, make everything anew: formation k from seed + k."""
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in every formation; with a seed, make everything anew: formation k from
+        seed + k.
+        """
         if seed is not None and not isinstance(seed, (int, np.integer)):
-            raise ValueError(f"seed = {seed!r}; expected one whole number: formation k is made from seed + k")
+            raise ValueError(
+                f"seed = {seed!r}; expected one whole number: formation k is made from seed + k"
+            )
         super().reset(seed=seed)
         _begin(self._core, seed)
         self._ended[:] = False
@@ -155,25 +182,33 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         if running is not None:
             self._core.begin(np.flatnonzero(self._ended))
         reward, lost = self._core.act(np.asarray(actions)[:, None], running)
-        terminated, truncated = lost[:, 0], self._core.age >= self._core.limit
+        terminated = lost[:, 0]
+        truncated = self._core.age >= self._core.limit
         self._ended = terminated | truncated
         return self._core.observe()[:, 0], reward[:, 0], terminated, truncated, {}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of every formation, (240, 320, 3) each, with render_mode "rgb_array"."""
-        return tuple(picture(self.convoy.world, b) for b in range(self.num_envs)) if self.render_mode else None
+        return (
+            tuple(picture(self.convoy.world, b) for b in range(self.num_envs))
+            if self.render_mode
+            else None
+        )
 
 
 class ConvoyEnv(ParallelEnv[str, Any, Any]):
-    """All followers of one formation, each an agent that follows the one in front, as a pettingzoo parallel environment.
+    """All followers of one formation, each an agent that follows the one in front, as a pettingzoo
+    parallel environment.
 
-    When one loses its leader its episode is terminated, with the terminal reward; those of the others are truncated with it, as a
-    broken line is put together again before anybody goes on.
+    When one loses its leader its episode is terminated, with the terminal reward; those of the
+    others are truncated with it, as a broken line is put together again before anybody goes on.
     """
 
     metadata = {
-        "name": "convoy_v0", "render_modes": ["rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)
-    }  # fmt: skip
+        "name": "convoy_v0",
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1 / CONTROL_PERIOD),
+    }
 
     def __init__(
         self,
@@ -187,10 +222,12 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
     ) -> None:
         _check_render(render_mode)
         self._core = Formations(config, 1, observation, actions, reward, seconds)
-        self.config, self.render_mode = self._core.config, render_mode
+        self.config = self._core.config
+        self.render_mode = render_mode
         self.possible_agents = [f"follower_{k}" for k in range(1, config.followers + 1)]
         self.agents: list[str] = []
-        one, other = self._core.observation_space, self._core.action_space
+        one = self._core.observation_space
+        other = self._core.action_space
         self.observation_spaces = {agent: _copy(one) for agent in self.possible_agents}
         self.action_spaces = {agent: _copy(other) for agent in self.possible_agents}
 
@@ -217,13 +254,25 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
 
     def step(
         self, actions: dict[str, Any]
-    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+    ) -> tuple[
+        dict[str, Any],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
         """Carry out every agent's action for 0.1 s."""
         if set(actions) != set(self.agents) or not self.agents:
-            raise ValueError(f"actions for {sorted(actions)}; expected one for each of {self.agents} (none: reset first)")
-        reward, lost = self._core.act(np.stack([np.asarray(actions[agent]) for agent in self.agents])[None])
+            raise ValueError(
+                f"actions for {sorted(actions)}; expected one for each of {self.agents} "
+                "(none: reset first)"
+            )
+        reward, lost = self._core.act(
+            np.stack([np.asarray(actions[agent]) for agent in self.agents])[None]
+        )
         over = bool(lost.any() or self._core.age[0] >= self._core.limit)
-        agents, seen = self.agents, self._see()
+        agents = self.agents
+        seen = self._see()
         rewards = dict(zip(agents, reward[0].tolist(), strict=True))
         terminated = dict(zip(agents, lost[0].tolist(), strict=True))
         truncated = {agent: over and not terminated[agent] for agent in agents}
@@ -237,7 +286,10 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
 
     def _see(self) -> dict[str, Any]:
         seen = self._core.observe()[0]
-        return {agent: np.int64(row) if row.ndim == 0 else row for agent, row in zip(self.possible_agents, seen, strict=True)}
+        return {
+            agent: np.int64(row) if row.ndim == 0 else row
+            for agent, row in zip(self.possible_agents, seen, strict=True)
+        }
 
 
 def _begin(core: Formations, seed: int | None) -> None:
@@ -269,7 +321,9 @@ def follow_on_wheels(config: ConvoyConfig = _WHEELS, **options: Any) -> FollowEn
     return FollowEnv(config, **options)
 
 
-def follow_on_wheels_vector(num_envs: int = 16, config: ConvoyConfig = _WHEELS, **options: Any) -> FollowVectorEnv:
+def follow_on_wheels_vector(
+    num_envs: int = 16, config: ConvoyConfig = _WHEELS, **options: Any
+) -> FollowVectorEnv:
     """Return a FollowVectorEnv, on wheels by default."""
     return FollowVectorEnv(num_envs, config, **options)
 

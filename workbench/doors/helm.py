@@ -1,10 +1,14 @@
-"""The wheel in a person's hands: what a joystick or keys make of the leader, no faster than its followers can keep up with.
+"""The wheel in a person's hands: what a joystick or keys make of the leader, no faster than its
+followers can keep up with.
 
-Both axes run from -1 to 1: ``turn`` is positive to the left, ``speed`` positive forwards. The leader
+Both axes run from -1 to 1: ``turn`` is positive to the left, ``speed`` positive forwards. The
+leader
 
-* drives at most as fast as the leader of the configuration, behind which its followers learned (and at most nine tenths of their
-  fastest level, so that they can also catch up), and never backwards into them;
-* where followers cannot stand still (their slowest level is above 0), does not drive more slowly than that level either;
+* drives at most as fast as the leader of the configuration, behind which its followers learned (and
+  at most nine tenths of their fastest level, so that they can also catch up), and never backwards
+  into them;
+* where followers cannot stand still (their slowest level is above 0), does not drive more slowly
+  than that level either;
 * turns by at most 1 rad/s, with no wheel faster than theirs;
 * changes its speed by at most 0.1 m/s² (times the robot's pace against an e-puck's).
 
@@ -37,7 +41,8 @@ class Helm:
 
     def __init__(self, config: ConvoyConfig) -> None:
         low, high = config.wheel_speed_mps
-        self._robot, self._high = config.robot, high
+        self._robot = config.robot
+        self._high = high
         self.fastest = min(SHARE * high, config.leader_speed_mps)
         self.slowest = min(max(low, 0.0), self.fastest)
         self._change = ACCELERATION * config.robot.most_mps / EPUCK.most_mps * CONTROL_PERIOD
@@ -47,9 +52,12 @@ class Helm:
         """Return the leader's wheel commands in whole steps/s for this control period.
 
         Args:
-            turn, speed: position of the joystick, clipped to -1 to 1; what is no number counts as 0.
+            turn, speed: position of the joystick, clipped to -1 to 1; what is no number counts as
+                0.
         """
-        turn, speed = (min(max(value, -1.0), 1.0) if math.isfinite(value) else 0.0 for value in (turn, speed))
+        turn, speed = (
+            min(max(value, -1.0), 1.0) if math.isfinite(value) else 0.0 for value in (turn, speed)
+        )
         wanted = self.slowest + max(speed, 0.0) * (self.fastest - self.slowest)
         self.speed_mps += min(max(wanted - self.speed_mps, -self._change), self._change)
         half = turn * TURN * self._robot.track_m / 2

@@ -1,11 +1,15 @@
-"""Panels: sliders and choices around a pure function that draws, and the same picture where there is no page.
+"""Panels: sliders and choices around a pure function that draws, and the same picture where there
+is no page.
 
-    panel(tile_explorer, spacing=Choice(("uniform", "logarithmic")), distance_tiles=Slider(3, 15, 2, 9))
+    panel(tile_explorer, spacing=Choice(("uniform", "logarithmic")), distance_tiles=Slider(3, 15, 2,
+    9))
 
-``tile_panel``, ``infrared_panel`` and ``learning_panel`` are those of the notebooks. With WORKBENCH_STATIC=1 a panel is the
-picture of its first values, the static twin that stored and exported notebooks show.
+``tile_panel``, ``infrared_panel`` and ``learning_panel`` are those of the notebooks. With
+WORKBENCH_STATIC=1 a panel is the picture of its first values, the static twin that stored and
+exported notebooks show.
 
-Contract: callbacks hold no science: they call the function with the controls' values and show what it returns, or its error.
+Contract: callbacks hold no science: they call the function with the controls' values and show what
+it returns, or its error.
 """
 
 import html
@@ -40,26 +44,34 @@ class Choice(NamedTuple):
 
 
 def panel(draw: Draw, **controls: Slider | Choice) -> Any:
-    """Return a widget that draws anew whenever a control changes, or with WORKBENCH_STATIC=1 the picture of the first values.
+    """Return a widget that draws anew whenever a control changes, or with WORKBENCH_STATIC=1 the
+    picture of the first values.
 
     Args:
         draw: a function of the controls' names that returns a figure.
         controls: see ``Slider`` and ``Choice``.
     """
-    first = {name: control.options[0] if isinstance(control, Choice) else control.value for name, control in controls.items()}
+    first = {
+        name: control.options[0] if isinstance(control, Choice) else control.value
+        for name, control in controls.items()
+    }
     if paths.STATIC:
         return _picture(draw, first)
     from ipywidgets import HTML, VBox
     from ipywidgets import Image as Shown
 
     parts = {name: _widget(name, control) for name, control in controls.items()}
-    shown, said = Shown(format="png", value=_picture(draw, first).data, layout={"max_width": "700px"}), HTML()
+    shown = Shown(format="png", value=_picture(draw, first).data, layout={"max_width": "700px"})
+    said = HTML()
 
     def change(_: object) -> None:
         try:
             shown.value = _picture(draw, {name: part.value for name, part in parts.items()}).data
             said.value = ""
-        except (ArithmeticError, ValueError) as error:  # a combination that cannot be: the message says what would
+        except (
+            ArithmeticError,
+            ValueError,
+        ) as error:  # a combination that cannot be: the message says what would
             said.value = f"<span style='color:#a00'>{html.escape(str(error))}</span>"
 
     for part in parts.values():
@@ -74,33 +86,47 @@ def _picture(draw: Draw, values: dict[str, Any]) -> Image:
 def _widget(name: str, control: Slider | Choice) -> Any:
     from ipywidgets import Dropdown, FloatSlider, IntSlider
 
-    look = {"description": control.label or name.replace("_", " "), "style": {"description_width": "190px"}}
+    look = {
+        "description": control.label or name.replace("_", " "),
+        "style": {"description_width": "190px"},
+    }
     if isinstance(control, Choice):
         return Dropdown(options=control.options, **look)
     whole = all(isinstance(value, int) for value in control[:4])
     kind = IntSlider if whole else FloatSlider
     return kind(
-        min=control.low, max=control.high, step=control.step, value=control.value, continuous_update=False,
-        layout={"width": "560px"}, **look,
-    )  # fmt: skip
+        min=control.low,
+        max=control.high,
+        step=control.step,
+        value=control.value,
+        continuous_update=False,
+        layout={"width": "560px"},
+        **look,
+    )
 
 
 def tile_panel() -> Any:
     """Return the tile explorer."""
     return panel(
-        tile_explorer, spacing=Choice(("uniform", "logarithmic")), distance_tiles=Slider(3, 15, 2, 9),
-        bearing_tiles=Slider(3, 15, 2, 9), inner_mm=Slider(1.0, 8.0, 0.5, 3.0, "middle tile, ± mm (log.)"),
+        tile_explorer,
+        spacing=Choice(("uniform", "logarithmic")),
+        distance_tiles=Slider(3, 15, 2, 9),
+        bearing_tiles=Slider(3, 15, 2, 9),
+        inner_mm=Slider(1.0, 8.0, 0.5, 3.0, "middle tile, ± mm (log.)"),
         tilings=Choice((1, 2, 4, 8), "offset tilings"),
-    )  # fmt: skip
+    )
 
 
 def infrared_panel() -> Any:
     """Return the infrared explorer."""
     return panel(
-        infrared_explorer, distance_mm=Slider(76, 160, 1, 105, "distance, mm"),
-        bearing_deg=Slider(-40, 40, 1, 0, "bearing, degrees"), reflectance=Slider(0.1, 2.0, 0.1, 1.0, "reflectance of the cup"),
-        ambient=Slider(0, 4000, 100, 0, "ambient light, counts"), route=Choice(("ir-metric", "ir-raw"), "tiles of"),
-    )  # fmt: skip
+        infrared_explorer,
+        distance_mm=Slider(76, 160, 1, 105, "distance, mm"),
+        bearing_deg=Slider(-40, 40, 1, 0, "bearing, degrees"),
+        reflectance=Slider(0.1, 2.0, 0.1, 1.0, "reflectance of the cup"),
+        ambient=Slider(0, 4000, 100, 0, "ambient light, counts"),
+        route=Choice(("ir-metric", "ir-raw"), "tiles of"),
+    )
 
 
 def learning_panel(history: History) -> Any:
@@ -111,7 +137,8 @@ def learning_panel(history: History) -> Any:
 
     blocks = len(history.updates)
     return panel(
-        draw, block=Slider(1, blocks, 1, blocks, "block (250 s each)"),
+        draw,
+        block=Slider(1, blocks, 1, blocks, "block (250 s each)"),
         show=Choice(("all", "visits", "values", "actions")),
         follower=Choice(tuple(range(1, history.config.followers + 1)), "table of follower"),
-    )  # fmt: skip
+    )

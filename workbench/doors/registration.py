@@ -1,4 +1,5 @@
-"""The names under which gymnasium makes the task, known to it as soon as both it and the workbench are in use.
+"""The names under which gymnasium makes the task, known to it as soon as both it and the workbench
+are in use.
 
 Contract: nothing but strings is registered; what they name is imported when an environment is made.
 """
@@ -16,4 +17,6 @@ def register() -> None:
     for name, (single, many) in _ENVIRONMENTS.items():
         if name not in gymnasium.registry:
             module = "workbench.doors.environments"
-            gymnasium.register(name, entry_point=f"{module}:{single}", vector_entry_point=f"{module}:{many}")
+            gymnasium.register(
+                name, entry_point=f"{module}:{single}", vector_entry_point=f"{module}:{many}"
+            )

@@ -14,12 +14,16 @@ from workbench.doors.scenes import FIELDS, Frames, LiveScene, StoredScene
 from workbench.study.style import CYCLE, INK, new_axes
 
 TRAIL = 300  # control periods
-_LEADER, _FOLLOWER, _TILE, _BEAM = CYCLE[1], CYCLE[0], CYCLE[4], CYCLE[3]
+_LEADER = CYCLE[1]
+_FOLLOWER = CYCLE[0]
+_TILE = CYCLE[4]
+_BEAM = CYCLE[3]
 _TRAILS = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)))
 
 
 def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None = None) -> Axes:
-    """Draw one frame of a scene from above: line, trails, bounds and tile of every follower, proximity readings.
+    """Draw one frame of a scene from above: line, trails, bounds and tile of every follower,
+    proximity readings.
 
     Args:
         scene: a live scene that has run, or a stored one.
@@ -28,13 +32,22 @@ def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None =
     Raises:
         IndexError: the scene has no such frame.
     """
-    frames, about = scene.frames, scene.about
+    frames = scene.frames
+    about = scene.about
     if not -len(frames) <= t < len(frames):
-        raise IndexError(f"t = {t!r}; the scene has {len(frames)} frames: let it run first (advance)")
+        raise IndexError(
+            f"t = {t!r}; the scene has {len(frames)} frames: let it run first (advance)"
+        )
     ax = ax or new_axes(6.4, 5.6)
     k = t % len(frames)
     line = np.array(about["line"])
-    ax.plot(*np.vstack([line, line[:1]]).T, color="#9a9a9a", linewidth=4, zorder=0, label="line on the floor")
+    ax.plot(
+        *np.vstack([line, line[:1]]).T,
+        color="#9a9a9a",
+        linewidth=4,
+        zorder=0,
+        label="line on the floor",
+    )
     for i in range(about["robots"]):
         path = frames[max(0, k - TRAIL) : k + 1, i]
         name = "leader" if i == 0 else f"follower {i}"
@@ -50,11 +63,21 @@ def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None =
         _robot(ax, frames[k, i], about, i)
     reach = 2.2 * about["bounds"]["middle"]
     ways = frames[max(0, k - TRAIL) : k + 1, :, :2].reshape(-1, 2)
-    shown = ways if about["free"] else np.vstack([ways, line])  # who drives by hand may be far from the line
+    shown = (
+        ways if about["free"] else np.vstack([ways, line])
+    )  # who drives by hand may be far from the line
     low, high = shown.min(axis=0) - reach / 2, shown.max(axis=0) + reach / 2
-    grow = np.maximum(0.75 * (high - low)[::-1] - (high - low), 0.0) / 2  # not too flat, not too slim
+    grow = (
+        np.maximum(0.75 * (high - low)[::-1] - (high - low), 0.0) / 2
+    )  # not too flat, not too slim
     low, high = low - grow, high + grow
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x in m", ylabel="y in m", aspect="equal")
+    ax.set(
+        xlim=(low[0], high[0]),
+        ylim=(low[1], high[1]),
+        xlabel="x in m",
+        ylabel="y in m",
+        aspect="equal",
+    )
     figure = ax.get_figure(root=True)
     assert figure is not None
     figure.legend(loc="outside lower center", ncols=3, fontsize=9)
@@ -64,7 +87,8 @@ def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None =
 
 def _robot(ax: Axes, now: Frames, about: dict[str, Any], i: int) -> None:
     x, y, heading = (float(value) for value in now[:3])
-    radius, ring = about["radius"], about["ring"]
+    radius = about["radius"]
+    ring = about["ring"]
     if i > 0:
         _tile(ax, now, about, x, y, heading)
     for k, angle in enumerate(about["sensors"]):
@@ -73,15 +97,28 @@ def _robot(ax: Axes, now: Frames, about: dict[str, Any], i: int) -> None:
         at = (x + ring * math.cos(heading + angle), y + ring * math.sin(heading + angle))
         middle = math.degrees(heading + angle)
         beam = Wedge(
-            at, radius * (0.35 + 1.9 * share), middle - 12.6, middle + 12.6, color=_BEAM, alpha=0.12 + 0.6 * share, zorder=2
+            at,
+            radius * (0.35 + 1.9 * share),
+            middle - 12.6,
+            middle + 12.6,
+            color=_BEAM,
+            alpha=0.12 + 0.6 * share,
+            zorder=2,
         )
         ax.add_patch(beam)
     driving_back = i > 0 and now[FIELDS.index("phase")] != 0
     colour = _LEADER if i == 0 else _FOLLOWER
     ax.add_patch(
-        Circle((x, y), radius, facecolor=colour, edgecolor="black", linestyle="--" if driving_back else "-",
-               alpha=0.4 if driving_back else 0.95, zorder=3)
-    )  # fmt: skip
+        Circle(
+            (x, y),
+            radius,
+            facecolor=colour,
+            edgecolor="black",
+            linestyle="--" if driving_back else "-",
+            alpha=0.4 if driving_back else 0.95,
+            zorder=3,
+        )
+    )
     c, s = radius * math.cos(heading), radius * math.sin(heading)
     ax.plot([x + 0.35 * c, x + c], [y + 0.35 * s, y + s], color="white", linewidth=2, zorder=5)
     ax.annotate(
@@ -100,18 +137,49 @@ def _tile(ax: Axes, now: Frames, about: dict[str, Any], x: float, y: float, head
     near, far = about["bounds"]["distance"]
     limit = math.degrees(about["bounds"]["bearing"])
     ahead = math.degrees(heading)
-    ax.add_patch(Wedge((x, y), far, ahead - limit, ahead + limit, width=far - near, facecolor=_FOLLOWER, alpha=0.08, zorder=1))
     ax.add_patch(
-        Wedge((x, y), far, ahead - limit, ahead + limit, width=far - near, fill=False, edgecolor=INK, linewidth=0.4, zorder=1)
+        Wedge(
+            (x, y),
+            far,
+            ahead - limit,
+            ahead + limit,
+            width=far - near,
+            facecolor=_FOLLOWER,
+            alpha=0.08,
+            zorder=1,
+        )
     )
-    tile, tiles = int(now[FIELDS.index("state")]), about["tiles"]
+    ax.add_patch(
+        Wedge(
+            (x, y),
+            far,
+            ahead - limit,
+            ahead + limit,
+            width=far - near,
+            fill=False,
+            edgecolor=INK,
+            linewidth=0.4,
+            zorder=1,
+        )
+    )
+    tile = int(now[FIELDS.index("state")])
+    tiles = about["tiles"]
     if tile < 0 or tiles is None:
         return
-    distance, bearing = tiles["distance"], np.degrees(tiles["bearing"])
+    distance = tiles["distance"]
+    bearing = np.degrees(tiles["bearing"])
     row, column = divmod(tile, len(bearing) - 1)
     ax.add_patch(
         Wedge(
-            (x, y), distance[row + 1], ahead + bearing[column], ahead + bearing[column + 1],
-            width=distance[row + 1] - distance[row], facecolor=_TILE, edgecolor="black", linewidth=0.8, alpha=0.55, zorder=3.5,
+            (x, y),
+            distance[row + 1],
+            ahead + bearing[column],
+            ahead + bearing[column + 1],
+            width=distance[row + 1] - distance[row],
+            facecolor=_TILE,
+            edgecolor="black",
+            linewidth=0.8,
+            alpha=0.55,
+            zorder=3.5,
         )
-    )  # fmt: skip
+    )

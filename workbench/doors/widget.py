@@ -1,12 +1,14 @@
-"""The live arena as a widget: anywidget, with the JavaScript beside this file sent inline, so that no network is needed.
+"""The live arena as a widget: anywidget, with the JavaScript beside this file sent inline, so that
+no network is needed.
 
-    Arena(LiveScene(config, policy=run.policy))      # or ``workbench.play``, which makes the scene too
+    Arena(LiveScene(config, policy=run.policy))  # or ``workbench.play``, which makes the scene too
 
-The page asks for control periods when it wants to show them (messages "advance"), so that a hidden, reloaded or closed page costs
-nothing and the simulation never runs ahead. A control period is whole: an interrupt of the kernel comes after it.
+The page asks for control periods when it wants to show them (messages "advance"), so that a hidden,
+reloaded or closed page costs nothing and the simulation never runs ahead. A control period is
+whole: an interrupt of the kernel comes after it.
 
-Contract: one thread at a time; handlers of several pages or cells wait for each other. Files are saved in the folder given, by
-plain names.
+Contract: one thread at a time; handlers of several pages or cells wait for each other. Files are
+saved in the folder given, by plain names.
 """
 
 from pathlib import Path
@@ -41,20 +43,33 @@ class Arena(anywidget.AnyWidget):
     drivable = traitlets.Bool().tag(sync=True)
 
     def __init__(self, scene: LiveScene | StoredScene, *, folder: str | Path = ".") -> None:
-        super().__init__(about=scene.about, title=scene.title, live=scene.live, drivable=scene.drivable)
-        self.scene, self.folder, self.saved = scene, Path(folder), ""
+        super().__init__(
+            about=scene.about, title=scene.title, live=scene.live, drivable=scene.drivable
+        )
+        self.scene = scene
+        self.folder = Path(folder)
+        self.saved = ""
         self.on_msg(self._hear)
 
     def _hear(self, _: object, message: dict[str, Any], buffers: object) -> None:
-        kinds = {"advance": self._advance, "history": self._history, "restart": self._restart, "save": self._save}
+        kinds = {
+            "advance": self._advance,
+            "history": self._history,
+            "restart": self._restart,
+            "save": self._save,
+        }
         with self.scene.lock:
             try:
                 kinds[message["type"]](message)
             except KeyboardInterrupt:
                 self.send({"type": "said", "text": "interrupted", "stop": True})
                 raise
-            except Exception as error:  # whatever it is, the page must hear of it: it waits for an answer
-                self.send({"type": "said", "text": f"{type(error).__name__}: {error}", "stop": True})
+            except (
+                Exception
+            ) as error:  # whatever it is, the page must hear of it: it waits for an answer
+                self.send(
+                    {"type": "said", "text": f"{type(error).__name__}: {error}", "stop": True}
+                )
 
     def _live(self) -> LiveScene:
         if not isinstance(self.scene, LiveScene):
@@ -62,11 +77,18 @@ class Arena(anywidget.AnyWidget):
         return self.scene
 
     def _advance(self, message: dict[str, Any]) -> None:
-        scene, have = self._live(), int(message["have"])
-        if message["generation"] != scene.generation or have != len(scene):  # it was begun again, or another page has gone on
-            self._tell(have if message["generation"] == scene.generation and have < len(scene) else 0)
+        scene = self._live()
+        have = int(message["have"])
+        if message["generation"] != scene.generation or have != len(
+            scene
+        ):  # it was begun again, or another page has gone on
+            self._tell(
+                have if message["generation"] == scene.generation and have < len(scene) else 0
+            )
             return
-        if "turn" in message:  # from the page on which somebody drives, not from one that only looks on
+        if (
+            "turn" in message
+        ):  # from the page on which somebody drives, not from one that only looks on
             scene.steer(message["turn"], message["speed"])
         scene.advance(min(MOST, int(message["periods"])))
         self._tell(have)
@@ -78,7 +100,8 @@ class Arena(anywidget.AnyWidget):
 
     def _tell(self, first: int) -> None:
         """Send all frames from one on, in pieces."""
-        scene, live = self.scene, isinstance(self.scene, LiveScene)
+        scene = self.scene
+        live = isinstance(self.scene, LiveScene)
         frames = scene.since(first)
         head = {"type": "frames", "generation": scene.generation, "over": scene.ended}
         for at in range(0, max(1, len(frames)), CHUNK):
@@ -92,9 +115,15 @@ class Arena(anywidget.AnyWidget):
         self._tell(0)
 
     def _save(self, message: dict[str, Any]) -> None:
-        scene, name = self._live(), str(message["name"])
+        scene = self._live()
+        name = str(message["name"])
         if Path(name).name != name or name.startswith("."):
             raise ValueError(f"name = {name!r}; expected a plain file name that ends in .csv")
         self.saved = str(scene.save_drive(self.folder / name))
         seconds = len(scene.commands) * self.about["period"]
-        self.send({"type": "said", "text": f"saved {seconds:.1f} s; wb.play({self.saved!r}, policy) drives it again"})
+        self.send(
+            {
+                "type": "said",
+                "text": f"saved {seconds:.1f} s; wb.play({self.saved!r}, policy) drives it again",
+            }
+        )

@@ -1,12 +1,15 @@
 """Robots that are not nominal, and a link that is not perfect: what a policy meets when it travels.
 
-Wheels and axles differ from robot to robot, wheels slip, commands arrive some control periods late, and now and then no reading
-arrives. All of it is off by default and all sizes are our assumptions; the paper only says that motors and sensors vary.
+Wheels and axles differ from robot to robot, wheels slip, commands arrive some control periods late,
+and now and then no reading arrives. All of it is off by default and all sizes are our assumptions;
+the paper only says that motors and sensors vary.
 
-The same kinematics serves both drives: a robot with wheels of (1 + a) times the nominal radius on an axle of (1 + b) times the
-nominal width moves as the nominal one would with mean speed (1 + a) v and difference of speeds (1 + a) / (1 + b) Δv.
+The same kinematics serves both drives: a robot with wheels of (1 + a) times the nominal radius on
+an axle of (1 + b) times the nominal width moves as the nominal one would with mean speed (1 + a) v
+and difference of speeds (1 + a) / (1 + b) Δv.
 
-Contract: compiled functions write a formation's ctrl row and the robot's record, and allocate nothing.
+Contract: compiled functions write a formation's ctrl row and the robot's record, and allocate
+nothing.
 """
 
 from typing import Any
@@ -23,13 +26,33 @@ LONGEST_DELAY = 3  # control periods
 
 @configuration
 class BodyConfig:
-    """How robots differ from the nominal e-puck, and how late and how completely they are told and read."""
+    """How robots differ from the nominal e-puck, and how late and how completely they are told and
+    read.
+    """
 
-    wheel_spread: float = real(0.0, 0.2, "", "largest relative error of a wheel radius, uniform to both sides", default=0.0)
-    axle_spread: float = real(0.0, 0.2, "", "largest relative error of an axle width, uniform to both sides", default=0.0)
-    slip: float = real(0.0, 0.5, "", "what share of its speed a wheel loses in a control period, half-normal spread", default=0.0)
-    delay: int = integer(0, LONGEST_DELAY, "control periods", "from a follower's command to its wheels", default=0)
-    missed: float = real(0.0, 0.9, "", "share of control periods in which a follower's readings do not arrive", default=0.0)
+    wheel_spread: float = real(
+        0.0, 0.2, "", "largest relative error of a wheel radius, uniform to both sides", default=0.0
+    )
+    axle_spread: float = real(
+        0.0, 0.2, "", "largest relative error of an axle width, uniform to both sides", default=0.0
+    )
+    slip: float = real(
+        0.0,
+        0.5,
+        "",
+        "what share of its speed a wheel loses in a control period, half-normal spread",
+        default=0.0,
+    )
+    delay: int = integer(
+        0, LONGEST_DELAY, "control periods", "from a follower's command to its wheels", default=0
+    )
+    missed: float = real(
+        0.0,
+        0.9,
+        "",
+        "share of control periods in which a follower's readings do not arrive",
+        default=0.0,
+    )
 
     @property
     def nominal(self) -> bool:
@@ -37,18 +60,23 @@ class BodyConfig:
         return self == BodyConfig()
 
 
-def draw_bodies(rng: np.random.Generator, config: BodyConfig, robots: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def draw_bodies(
+    rng: np.random.Generator, config: BodyConfig, robots: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Draw wheel radii and axle widths relative to the nominal ones, each (robots,)."""
     wheel, axle = rng.uniform(-1.0, 1.0, (2, robots))
     return 1.0 + config.wheel_spread * wheel, 1.0 + config.axle_spread * axle
 
 
 @compiled
-def drive_body(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, z_left: float, z_right: float) -> None:
+def drive_body(
+    task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, z_left: float, z_right: float
+) -> None:
     """Write what a command makes of the wheels of robot i in a formation's ctrl row.
 
     Args:
-        task, robot: records of type TASK and FOLLOWER; the robot's ``queue`` holds commands on their way.
+        task, robot: records of type TASK and FOLLOWER; the robot's ``queue`` holds commands on
+            their way.
         left, right: the command in steps/s.
         z_left, z_right: standard normal numbers of this period's slip.
     """
@@ -58,6 +86,9 @@ def drive_body(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, 
             robot.queue[k, 1], right = right, robot.queue[k, 1]
     write_command(ctrl, task, i, left, right)
     k = 2 * i if task.wheels else 3 * i
-    mean, half = (ctrl[k] + ctrl[k + 1]) / 2, (ctrl[k + 1] - ctrl[k]) / 2
+    mean = (ctrl[k] + ctrl[k + 1]) / 2
+    half = (ctrl[k + 1] - ctrl[k]) / 2
     ctrl[k] = robot.wheel * (mean - half / robot.axle) * (1.0 - min(task.slip * abs(z_left), 1.0))
-    ctrl[k + 1] = robot.wheel * (mean + half / robot.axle) * (1.0 - min(task.slip * abs(z_right), 1.0))
+    ctrl[k + 1] = (
+        robot.wheel * (mean + half / robot.axle) * (1.0 - min(task.slip * abs(z_right), 1.0))
+    )

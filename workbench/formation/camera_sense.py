@@ -1,13 +1,17 @@
-"""What a follower is told by the overhead camera: poses by pixels, or by a fast model of their errors.
+"""What a follower is told by the overhead camera: poses by pixels, or by a fast model of their
+errors.
 
-    pixels   every picture is drawn (``arena.frames``) and searched (``arena.markers``), the tracker fills gaps;
-    camera   the true pose of a moment ago, plus the calibration's bias at that place, plus noise; now and then nothing. The
-             noise was fitted to the pixels (``arena.camera_config.NOISE``), the bias is exact.
+    pixels   every picture is drawn (``arena.frames``) and searched (``arena.markers``), the tracker
+             fills gaps;
+    camera   the true pose of a moment ago, plus the calibration's bias at that place, plus noise;
+             now and then nothing. The noise was fitted to the pixels
+             (``arena.camera_config.NOISE``), the bias is exact.
 
-Both end in the same tracker. Distance and bearing come from the poses of follower and predecessor; if one of them is nowhere, the
-predecessor is out of sight.
+Both end in the same tracker. Distance and bearing come from the poses of follower and predecessor;
+if one of them is nowhere, the predecessor is out of sight.
 
-Contract: ``camera_pose`` and ``observe_tracked`` are compiled; ``Eyes`` is Python and holds the pictures of one formation.
+Contract: ``camera_pose`` and ``observe_tracked`` are compiled; ``Eyes`` is Python and holds the
+pictures of one formation.
 """
 
 import math
@@ -26,11 +30,15 @@ from workbench.robot.geometry import CONTROL_PERIOD
 if TYPE_CHECKING:
     from workbench.arena.camera import Camera
 
-MODEL, PIXELS = 1, 2  # of TASK.camera
+# of TASK.camera
+MODEL = 1
+PIXELS = 2
 
 
 @compiled
-def camera_pose(task: Any, robot: Any, sight: Any, lens: Any, normal: Any, u: float, shown: bool) -> None:
+def camera_pose(
+    task: Any, robot: Any, sight: Any, lens: Any, normal: Any, u: float, shown: bool
+) -> None:
     """Track one robot for one control period.
 
     Args:
@@ -51,14 +59,19 @@ def camera_pose(task: Any, robot: Any, sight: Any, lens: Any, normal: Any, u: fl
     if found:
         dx, dy, turn = bias_at(lens, view, x, y)
         r2 = x * x + y * y
-        spread, sway = task.cam_noise[0] + task.cam_noise[1] * r2, task.cam_noise[2] + task.cam_noise[3] * r2
-        x, y, heading = x + dx + spread * normal[0], y + dy + spread * normal[1], heading + turn + sway * normal[2]
+        spread = task.cam_noise[0] + task.cam_noise[1] * r2
+        sway = task.cam_noise[2] + task.cam_noise[3] * r2
+        x = x + dx + spread * normal[0]
+        y = y + dy + spread * normal[1]
+        heading = heading + turn + sway * normal[2]
     track(robot, found, x, y, heading, CONTROL_PERIOD)
 
 
 @compiled
 def observe_tracked(robot: Any, ahead: Any) -> tuple[float, float]:
-    """Return distance in m and bearing in rad of the robot ahead by the tracked poses, UNSEEN if one is nowhere."""
+    """Return distance in m and bearing in rad of the robot ahead by the tracked poses, UNSEEN if
+    one is nowhere.
+    """
     if not (robot.tracked and ahead.tracked):
         return UNSEEN, 0.0
     return observe(robot.mx, robot.my, robot.mc, robot.ms, ahead.mx, ahead.my)
@@ -74,7 +87,12 @@ class Eyes:
     """
 
     def __init__(
-        self, camera: "Camera", world: World, formation: int, noise: np.random.Generator, hidden: np.random.Generator
+        self,
+        camera: "Camera",
+        world: World,
+        formation: int,
+        noise: np.random.Generator,
+        hidden: np.random.Generator,
     ) -> None:
         from workbench.arena.frames import Frames
         from workbench.arena.markers import Finder
@@ -82,10 +100,17 @@ class Eyes:
         self.camera = camera
         self.frames = Frames(camera, world.floor, world.robots, noise, formation=formation)
         self.finder = Finder(camera, world.robots)
-        self._hidden, self._config = hidden, camera.config
+        self._hidden = hidden
+        self._config = camera.config
         self.frame: NDArray[np.uint8] | None = None
 
-    def look(self, t: int, robots: NDArray[np.void], poses: NDArray[np.float64], sights: NDArray[np.float64]) -> None:
+    def look(
+        self,
+        t: int,
+        robots: NDArray[np.void],
+        poses: NDArray[np.float64],
+        sights: NDArray[np.float64],
+    ) -> None:
         """Draw and search one picture; write (robots, 4) sights: x, y, heading, found.
 
         Args:
@@ -105,6 +130,9 @@ class Eyes:
         self.frame = self.frames.frame(past, hidden)
         ahead = robots["mv"] * CONTROL_PERIOD
         x, y = robots["mx"] + ahead * robots["mc"], robots["my"] + ahead * robots["ms"]
-        expected = {number: (float(x[number]), float(y[number]), 0.0) for number in np.flatnonzero(robots["tracked"]).tolist()}
+        expected = {
+            number: (float(x[number]), float(y[number]), 0.0)
+            for number in np.flatnonzero(robots["tracked"]).tolist()
+        }
         for number, pose in self.finder.find(self.frame, expected).items():
             sights[number] = (*pose, 1.0)

@@ -24,8 +24,9 @@ from workbench.robot.inversion import DISTANCES, WIDEST
 
 TILINGS = ("uniform", "logarithmic")
 MAX_TILINGS = 8
-# What each sensing mode tells a follower: distance and bearing of its predecessor, its own odometry, and more about the
-# predecessor. A learner needs the first two; classical laws declare what they need.
+# What each sensing mode tells a follower: distance and bearing of its predecessor, its own
+# odometry, and more about the predecessor. A learner needs the first two; classical laws declare
+# what they need.
 SENSING = {
     "truth": ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
     "truth-relative": ("distance", "bearing", "odometry"),
@@ -43,8 +44,9 @@ FASTEST = 10.0  # m/s, of any robot
 class ConvoyConfig:
     """One leader and its followers: the robots, the track, the task and the learner.
 
-    What the paper states is taken from it: up to four followers, 9×9 states and 7×7 actions in simulation. It gives no
-    speeds, bounds, control period, reward or step sizes; these defaults are our choice.
+    What the paper states is taken from it: up to four followers, 9×9 states and 7×7 actions in
+    simulation. It gives no speeds, bounds, control period, reward or step sizes; these defaults are
+    our choice.
     """
 
     followers: int = integer(1, 256, "", "robots behind the leader", default=4)
@@ -52,147 +54,231 @@ class ConvoyConfig:
     robot: RobotConfig = part(RobotConfig, "sizes, masses and motors of the robots", default=EPUCK)
     sensing: str = choice(
         tuple(SENSING),
-        "where the errors come from: truth reads the simulator's poses; truth-relative only distance and bearing of them; "
-        "pixels draws and searches pictures of an overhead camera; camera is a fast model of their errors; "
+        "where the errors come from: truth reads the simulator's poses; truth-relative only "
+        "distance and bearing of them; "
+        "pixels draws and searches pictures of an overhead camera; camera is a fast model of "
+        "their errors; "
         "ir-metric inverts two infrared readings; ir-raw tiles the readings themselves",
         default="truth",
     )
-    noise_distance_m: float = real(0.0, 0.1, "m", "standard deviation of white noise on the sensed distance", default=0.0)
-    noise_bearing_rad: float = real(0.0, 1.0, "rad", "standard deviation of white noise on the sensed bearing", default=0.0)
+    noise_distance_m: float = real(
+        0.0, 0.1, "m", "standard deviation of white noise on the sensed distance", default=0.0
+    )
+    noise_bearing_rad: float = real(
+        0.0, 1.0, "rad", "standard deviation of white noise on the sensed bearing", default=0.0
+    )
     camera: CameraConfig = part(CameraConfig, "the overhead camera", default=CameraConfig())
-    infrared: InfraredConfig = part(InfraredConfig, "proximity sensors and what they look at", default=InfraredConfig())
-    body: BodyConfig = part(BodyConfig, "how robots and their link differ from the nominal ones", default=BodyConfig())
+    infrared: InfraredConfig = part(
+        InfraredConfig, "proximity sensors and what they look at", default=InfraredConfig()
+    )
+    body: BodyConfig = part(
+        BodyConfig, "how robots and their link differ from the nominal ones", default=BodyConfig()
+    )
     threshold_counts: float = real(
-        1.0, 1000.0, "counts", "infrared readings below it do not count as seen; 12 are five standard deviations", default=12.0
+        1.0,
+        1000.0,
+        "counts",
+        "infrared readings below it do not count as seen; 12 are five standard deviations",
+        default=12.0,
     )
     track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())
-    ground: str = choice(tuple(MODULES), "which measured ground sensors the leader has", default="a")
+    ground: str = choice(
+        tuple(MODULES), "which measured ground sensors the leader has", default="a"
+    )
     ground_calibrated: bool = flag(
-        "whether the leader has learned black and white from its own sensors; otherwise it takes them for those of module a",
+        "whether the leader has learned black and white from its own sensors; otherwise it "
+        "takes them for those of module a",
         default=True,
     )
-    leader_speed_mps: float = real(0.005, FASTEST, "m/s", "constant speed of the leader", default=0.06)
-    distance_m: tuple[float, float] = reals(
-        0.0201, 20.0, "m", "terminal distances between centres; d* is the middle", default=(0.08, 0.22)
+    leader_speed_mps: float = real(
+        0.005, FASTEST, "m/s", "constant speed of the leader", default=0.06
     )
-    bearing_limit_rad: float = real(0.05, math.pi, "rad", "terminal bearing on both sides", default=math.pi / 4)
-    state_tiles: tuple[int, int] = integers(1, 64, "", "cells of distance and bearing", default=(9, 9))
+    distance_m: tuple[float, float] = reals(
+        0.0201,
+        20.0,
+        "m",
+        "terminal distances between centres; d* is the middle",
+        default=(0.08, 0.22),
+    )
+    bearing_limit_rad: float = real(
+        0.05, math.pi, "rad", "terminal bearing on both sides", default=math.pi / 4
+    )
+    state_tiles: tuple[int, int] = integers(
+        1, 64, "", "cells of distance and bearing", default=(9, 9)
+    )
     distance_tiling: str = choice(TILINGS, "spacing of the distance cells", default="uniform")
     bearing_tiling: str = choice(TILINGS, "spacing of the bearing cells", default="uniform")
-    tilings: int = integer(1, MAX_TILINGS, "", "offset tilings of the state, a power of two; the paper has one", default=1)
-    inner_distance_m: float = real(1e-4, 5.0, "m", "half width of the middle distance cell (logarithmic)", default=0.003)
-    inner_bearing_rad: float = real(
-        1e-3, 3.0, "rad", "half width of the middle bearing cell (logarithmic)", default=math.radians(2)
+    tilings: int = integer(
+        1,
+        MAX_TILINGS,
+        "",
+        "offset tilings of the state, a power of two; the paper has one",
+        default=1,
     )
-    action_levels: tuple[int, int] = integers(1, 64, "", "speed levels of the left and the right wheel", default=(7, 7))
+    inner_distance_m: float = real(
+        1e-4, 5.0, "m", "half width of the middle distance cell (logarithmic)", default=0.003
+    )
+    inner_bearing_rad: float = real(
+        1e-3,
+        3.0,
+        "rad",
+        "half width of the middle bearing cell (logarithmic)",
+        default=math.radians(2),
+    )
+    action_levels: tuple[int, int] = integers(
+        1, 64, "", "speed levels of the left and the right wheel", default=(7, 7)
+    )
     wheel_speed_mps: tuple[float, float] = reals(
         -FASTEST, FASTEST, "m/s", "slowest and fastest level of a wheel", default=(0.03, 0.09)
     )
-    reward: str = choice((*PRESETS, OWN), "reward preset, all ours; own: a function, see learn(reward=…)", default="quadratic")
-    terminal_factor: float = real(1.0, 1000.0, "", "terminal reward in units of the worst step reward / (1 - γ)", default=1.0)
-    reset: str = choice(
-        ("manoeuvre", "restart"), "after a loss: drive back (II-C), or restart the simulation", default="manoeuvre"
+    reward: str = choice(
+        (*PRESETS, OWN),
+        "reward preset, all ours; own: a function, see learn(reward=…)",
+        default="quadratic",
     )
-    sight_m: float = real(0.1, 100.0, "m", "distance within which a lost predecessor can be seen", default=2.0)
+    terminal_factor: float = real(
+        1.0, 1000.0, "", "terminal reward in units of the worst step reward / (1 - γ)", default=1.0
+    )
+    reset: str = choice(
+        ("manoeuvre", "restart"),
+        "after a loss: drive back (II-C), or restart the simulation",
+        default="manoeuvre",
+    )
+    sight_m: float = real(
+        0.1, 100.0, "m", "distance within which a lost predecessor can be seen", default=2.0
+    )
     compute_time_s: float = real(
-        0.0, CONTROL_PERIOD, "s", "simulated time that one update takes; without the buffer the command waits for it", default=0.0
+        0.0,
+        CONTROL_PERIOD,
+        "s",
+        "simulated time that one update takes; without the buffer the command waits for it",
+        default=0.0,
     )
     weights: str = choice(
-        ("own", "shared", "first"), "own tables; one shared table; the first learns, others copy", default="own"
+        ("own", "shared", "first"),
+        "own tables; one shared table; the first learns, others copy",
+        default="own",
     )
-    learner: LearnerConfig = part(LearnerConfig, "step sizes, discount, exploration", default=LearnerConfig())
+    learner: LearnerConfig = part(
+        LearnerConfig, "step sizes, discount, exploration", default=LearnerConfig()
+    )
     seed: int = integer(0, 2**63 - 1, "", "seed of everything random in the run", default=1)
     fleet: int = integer(
-        0, 2**63 - 1, "", "seed of who the robots are: sensors, wheels, axles and the camera's lens; 0 takes that of the run",
+        0,
+        2**63 - 1,
+        "",
+        "seed of who the robots are: sensors, wheels, axles and the camera's lens; 0 takes "
+        "that of the run",
         default=0,
-    )  # fmt: skip
+    )
 
     def _check(self) -> None:
         for name in ("distance_m", "wheel_speed_mps"):
             low, high = getattr(self, name)
             if low >= high:
-                raise ValueError(f"ConvoyConfig.{name} = {(low, high)!r}; expected (low, high) with low < high")
+                raise ValueError(
+                    f"ConvoyConfig.{name} = {(low, high)!r}; expected (low, high) with low < high"
+                )
         if not self.wheel_speed_mps[0] <= self.leader_speed_mps <= self.wheel_speed_mps[1]:
             raise ValueError(
-                f"ConvoyConfig.leader_speed_mps = {self.leader_speed_mps!r}; followers can only keep pace if it lies "
+                f"ConvoyConfig.leader_speed_mps = {self.leader_speed_mps!r}; followers can "
+                "only keep pace if it lies "
                 f"within wheel_speed_mps = {self.wheel_speed_mps!r}"
             )
         self._check_robot()
         if self.sight_m < self.distance_m[1]:
             raise ValueError(
-                f"ConvoyConfig.sight_m = {self.sight_m!r}; expected at least the terminal distance {self.distance_m[1]!r} m: a "
+                f"ConvoyConfig.sight_m = {self.sight_m!r}; expected at least the terminal "
+                f"distance {self.distance_m[1]!r} m: a "
                 "predecessor that is followed must be in sight"
             )
         if self.middle_m > self.track.radius_m:
             raise ValueError(
-                f"ConvoyConfig.distance_m = {self.distance_m!r} asks for d* = {self.middle_m:g} m on a track with radius_m = "
+                f"ConvoyConfig.distance_m = {self.distance_m!r} asks for d* = "
+                f"{self.middle_m:g} m on a track with radius_m = "
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
             )
         if self.sensing in INFRARED:
             self._check_infrared()
         if self.sensing in CAMERA and self.noisy:
             raise ValueError(
-                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, noise_bearing_rad = {self.noise_bearing_rad!r} with "
+                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, "
+                f"noise_bearing_rad = {self.noise_bearing_rad!r} with "
                 f"sensing = {self.sensing!r}; a camera has noise of its own: see camera.conditions"
             )
         if self.learner.rule == "true-online-sarsa" and self.weights == "shared":
             raise ValueError(
-                "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; what this rule remembers of its last "
-                "update is wrong once others have written to its table: expected weights = 'own' or 'first'"
+                "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; "
+                "what this rule remembers of its last "
+                "update is wrong once others have written to its table: expected weights = "
+                "'own' or 'first'"
             )
         if self.body.delay and self.delay_steps:
             raise ValueError(
-                f"ConvoyConfig.body.delay = {self.body.delay!r} with compute_time_s = {self.compute_time_s!r} and no buffer; "
+                f"ConvoyConfig.body.delay = {self.body.delay!r} with compute_time_s = "
+                f"{self.compute_time_s!r} and no buffer; "
                 "expected one or the other: give the whole delay in control periods"
             )
         steps = self.compute_time_s / TIMESTEP[self.drive]
         if not math.isclose(steps, round(steps), rel_tol=1e-9):
             raise ValueError(
-                f"ConvoyConfig.compute_time_s = {self.compute_time_s!r}; expected a multiple of {TIMESTEP[self.drive]:g} s, "
+                f"ConvoyConfig.compute_time_s = {self.compute_time_s!r}; expected a multiple "
+                f"of {TIMESTEP[self.drive]:g} s, "
                 f"the time step of the {self.drive!r} drive"
             )
-        self.grids()  # refuses an even number of logarithmic cells and inner cells wider than the range
+        # refuses an even number of logarithmic cells and inner cells wider than the range
+        self.grids()
 
     def _check_robot(self) -> None:
-        robot, most = self.robot, self.robot.most_mps * (1 + 1e-9)
+        robot = self.robot
+        most = self.robot.most_mps * (1 + 1e-9)
         if self.distance_m[0] <= 2 * robot.body_radius_m:
             raise ValueError(
-                f"ConvoyConfig.distance_m = {self.distance_m!r}; two robots touch at {2 * robot.body_radius_m:g} m: "
+                f"ConvoyConfig.distance_m = {self.distance_m!r}; two robots touch at "
+                f"{2 * robot.body_radius_m:g} m: "
                 "expected a near bound above that"
             )
         if max(abs(speed) for speed in self.wheel_speed_mps) > most:
             raise ValueError(
-                f"ConvoyConfig.wheel_speed_mps = {self.wheel_speed_mps!r}; expected at most {robot.most_mps:.4f} m/s, "
+                f"ConvoyConfig.wheel_speed_mps = {self.wheel_speed_mps!r}; expected at most "
+                f"{robot.most_mps:.4f} m/s, "
                 "what this robot's wheels do"
             )
         if robot != EPUCK and self.sensing in (*CAMERA, *INFRARED):
             others = ", ".join(repr(mode) for mode in SENSING if mode not in (*CAMERA, *INFRARED))
             raise ValueError(
-                f"ConvoyConfig.sensing = {self.sensing!r} with a robot that is no e-puck; markers, readings and what "
-                f"they look at were measured on e-pucks: expected {others} (with noise_distance_m, noise_bearing_rad)"
+                f"ConvoyConfig.sensing = {self.sensing!r} with a robot that is no e-puck; "
+                "markers, readings and what "
+                f"they look at were measured on e-pucks: expected {others} (with "
+                "noise_distance_m, noise_bearing_rad)"
             )
 
     def _check_infrared(self) -> None:
         if self.noise_distance_m or self.noise_bearing_rad:
             raise ValueError(
-                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, noise_bearing_rad = {self.noise_bearing_rad!r} with "
+                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, "
+                f"noise_bearing_rad = {self.noise_bearing_rad!r} with "
                 f"sensing = {self.sensing!r}; readings have noise of their own: use infrared.noise"
             )
         far, _ = uncompiled(front_pair)(self.distance_m[1], 0.0, self.infrared)
         if far < self.threshold_counts:
             raise ValueError(
-                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = {self.sensing!r}; at {self.distance_m[1]:g} m a "
-                f"{self.infrared.target} reads {far:.1f} counts, below threshold_counts = {self.threshold_counts:g}: expected a "
+                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = "
+                f"{self.sensing!r}; at {self.distance_m[1]:g} m a "
+                f"{self.infrared.target} reads {far:.1f} counts, below threshold_counts = "
+                f"{self.threshold_counts:g}: expected a "
                 "far bound at which the robot in front is still seen (0.13 for a cup)"
             )
         if self.distance_m[1] > DISTANCES[1]:
             raise ValueError(
-                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = {self.sensing!r}; two readings are inverted up to "
+                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = "
+                f"{self.sensing!r}; two readings are inverted up to "
                 f"{DISTANCES[1]:g} m: expected a far bound of at most that"
             )
         if self.bearing_limit_rad > WIDEST:
             raise ValueError(
-                f"ConvoyConfig.bearing_limit_rad = {self.bearing_limit_rad!r} with sensing = {self.sensing!r}; two readings tell "
+                f"ConvoyConfig.bearing_limit_rad = {self.bearing_limit_rad!r} with sensing = "
+                f"{self.sensing!r}; two readings tell "
                 f"a bearing up to {WIDEST:.2f} rad: expected at most that (0.436 is 25°)"
             )
 
@@ -217,16 +303,32 @@ class ConvoyConfig:
         return 0 if self.learner.buffer else round(self.compute_time_s / TIMESTEP[self.drive])
 
     def grid(self) -> TileGrid:
-        """Return the tilings of the distance error (m) and of the bearing (rad), in the order of the state index.
+        """Return the tilings of the distance error (m) and of the bearing (rad), in the order of
+        the state index.
 
-        With sensing "ir-raw": of the left and the right front reading in counts, see ``workbench.formation.readings``.
+        With sensing "ir-raw": of the left and the right front reading in counts, see
+        ``workbench.formation.readings``.
         """
         if self.sensing == "ir-raw":
-            return TileGrid(*reading_tilings(self.infrared, self.distance_m, self.state_tiles, self._tilings()))
+            return TileGrid(
+                *reading_tilings(self.infrared, self.distance_m, self.state_tiles, self._tilings())
+            )
         tilings = []
         for kind, count, half, inner, name in (
-            (self.distance_tiling, self.state_tiles[0], self.half_range_m, self.inner_distance_m, "inner_distance_m"),
-            (self.bearing_tiling, self.state_tiles[1], self.bearing_limit_rad, self.inner_bearing_rad, "inner_bearing_rad"),
+            (
+                self.distance_tiling,
+                self.state_tiles[0],
+                self.half_range_m,
+                self.inner_distance_m,
+                "inner_distance_m",
+            ),
+            (
+                self.bearing_tiling,
+                self.state_tiles[1],
+                self.bearing_limit_rad,
+                self.inner_bearing_rad,
+                "inner_bearing_rad",
+            ),
         ):
             try:
                 if kind == "uniform":
@@ -234,14 +336,19 @@ class ConvoyConfig:
                 else:
                     tilings.append(Tiling.logarithmic(-half, half, count, inner=inner))
             except ValueError as error:
-                raise ValueError(f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = {inner!r}: {error}") from None
+                raise ValueError(
+                    f"ConvoyConfig.state_tiles = {self.state_tiles!r} with {name} = "
+                    f"{inner!r}: {error}"
+                ) from None
         return TileGrid(*tilings)
 
     def _tilings(self) -> tuple[str, str]:
         return self.distance_tiling, self.bearing_tiling
 
     def grids(self) -> tuple[TileGrid, ...]:
-        """Return the offset grids whose cells are the features; the first one is ``grid()``, whose cells are the states."""
+        """Return the offset grids whose cells are the features; the first one is ``grid()``, whose
+        cells are the states.
+        """
         try:
             return offset_grids(self.grid(), self.tilings)
         except ValueError as error:
@@ -249,13 +356,18 @@ class ConvoyConfig:
 
     @property
     def rows(self) -> int:
-        """Number of rows of a weight table: cells of all grids together; with one tiling the number of states."""
+        """Number of rows of a weight table: cells of all grids together; with one tiling the number
+        of states.
+        """
         return sum(grid.n for grid in self.grids())
 
     def levels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the speed levels of the left and right wheel in whole steps/s, slowest first."""
         left, right = (
-            np.array([self.robot.steps(float(v)) for v in np.linspace(*self.wheel_speed_mps, count)], dtype=np.int64)
+            np.array(
+                [self.robot.steps(float(v)) for v in np.linspace(*self.wheel_speed_mps, count)],
+                dtype=np.int64,
+            )
             for count in self.action_levels
         )
         return left, right
@@ -266,21 +378,30 @@ class ConvoyConfig:
         return self.action_levels[0] * self.action_levels[1]
 
     def with_robot(self, robot: RobotConfig) -> "ConvoyConfig":
-        """Return the same task for another robot: lengths scaled by its body's radius, speeds by its wheels' fastest.
+        """Return the same task for another robot: lengths scaled by its body's radius, speeds by
+        its wheels' fastest.
 
-        What is scaled: distances, the track with its judder and line, sight, noise of distances; speeds of leader and wheels.
-        Angles, rewards (in units of the bounds) and the control period stay. ``replace`` sets single values afterwards.
+        What is scaled: distances, the track with its judder and line, sight, noise of distances;
+        speeds of leader and wheels. Angles, rewards (in units of the bounds) and the control period
+        stay. ``replace`` sets single values afterwards.
         """
         if not isinstance(robot, RobotConfig):
-            raise TypeError(f"robot = {robot!r}; expected a RobotConfig, as load_robot({robot!r}) gives it")
+            raise TypeError(
+                f"robot = {robot!r}; expected a RobotConfig, as load_robot({robot!r}) gives it"
+            )
         size = robot.body_radius_m / self.robot.body_radius_m
         pace = robot.most_mps / self.robot.most_mps
         return replace(
-            self, robot=robot, track=self.track.scaled(size), distance_m=_times(size, self.distance_m),
-            sight_m=size * self.sight_m, inner_distance_m=size * self.inner_distance_m,
+            self,
+            robot=robot,
+            track=self.track.scaled(size),
+            distance_m=_times(size, self.distance_m),
+            sight_m=size * self.sight_m,
+            inner_distance_m=size * self.inner_distance_m,
             noise_distance_m=size * self.noise_distance_m,
-            leader_speed_mps=pace * self.leader_speed_mps, wheel_speed_mps=_times(pace, self.wheel_speed_mps),
-        )  # fmt: skip
+            leader_speed_mps=pace * self.leader_speed_mps,
+            wheel_speed_mps=_times(pace, self.wheel_speed_mps),
+        )
 
     def with_seed(self, seed: int) -> "ConvoyConfig":
         """Return the same configuration with another seed."""
@@ -291,17 +412,28 @@ def _times(factor: float, pair: tuple[float, float]) -> tuple[float, float]:
     return factor * pair[0], factor * pair[1]
 
 
-# Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-robot": those for its robots;
-# "logarithmic": the paper's other spacing, with initial values that leave room to improve on; "recommended": four coarse tilings
-# that together resolve 7 mm × 4.5°. Of all that were tried on wheels only these followed within 2.5 mm and 1.5° and lost nobody
-# on any kind of track (notebook 12). "infrared": with nothing but the two front sensors, 8 to 13 cm and ±25° (notebook 05).
+# Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-
+# robot": those for its robots; "logarithmic": the paper's other spacing, with initial values that
+# leave room to improve on; "recommended": four coarse tilings that together resolve 7 mm × 4.5°. Of
+# all that were tried on wheels only these followed within 2.5 mm and 1.5° and lost nobody on any
+# kind of track (notebook 12). "infrared": with nothing but the two front sensors, 8 to 13 cm and
+# ±25° (notebook 05).
 SETTINGS = {
     "paper": ConvoyConfig(),
     "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),
-    "logarithmic": ConvoyConfig(distance_tiling="logarithmic", bearing_tiling="logarithmic", learner=LearnerConfig(theta0=0.0)),
+    "logarithmic": ConvoyConfig(
+        distance_tiling="logarithmic",
+        bearing_tiling="logarithmic",
+        learner=LearnerConfig(theta0=0.0),
+    ),
     "recommended": ConvoyConfig(state_tiles=(5, 5), tilings=4),
     "infrared": ConvoyConfig(
-        sensing="ir-metric", distance_m=(0.08, 0.13), bearing_limit_rad=math.radians(25), leader_speed_mps=0.05,
-        distance_tiling="logarithmic", bearing_tiling="logarithmic", inner_distance_m=0.002,
+        sensing="ir-metric",
+        distance_m=(0.08, 0.13),
+        bearing_limit_rad=math.radians(25),
+        leader_speed_mps=0.05,
+        distance_tiling="logarithmic",
+        bearing_tiling="logarithmic",
+        inner_distance_m=0.002,
     ),
-}  # fmt: skip
+}

@@ -1,19 +1,21 @@
 """The convoy: joins world, leader, followers and learners, and yields blocks of step records.
 
-A convoy runs B formations side by side, one per seed, each with its own track, chance, weights and physics. Per control
-period one compiled call (``formation.control``) senses, acts and learns for every robot of every formation, and one call steps
-MuJoCo.
+A convoy runs B formations side by side, one per seed, each with its own track, chance, weights and
+physics. Per control period one compiled call (``formation.control``) senses, acts and learns for
+every robot of every formation, and one call steps MuJoCo.
 
-Chance: named generators of every formation's seed (``formation.chance``), drawn in advance for a whole block.
+Chance: named generators of every formation's seed (``formation.chance``), drawn in advance for a
+whole block.
 
 >>> convoy = Convoy(ConvoyConfig(followers=1, drive="planar"), [1], steps=50)
 >>> block = convoy.run_block()
 >>> int(convoy.updates[0]), block.shape
 (50, (1, 2500, 2))
 
-Contract: arrays are written, never replaced. The block is the same array at every call, (B, BLOCK, followers + 1) of type
-STEP, robot 0 the leader; copy what you keep. Steps after a formation has finished have phase -1. ``state`` between blocks is
-everything: ``load`` continues as if never stopped.
+Contract: arrays are written, never replaced. The block is the same array at every call, (B, BLOCK,
+followers + 1) of type STEP, robot 0 the leader; copy what you keep. Steps after a formation has
+finished have phase -1. ``state`` between blocks is everything: ``load`` continues as if never
+stopped.
 """
 
 import json
@@ -55,14 +57,19 @@ class Convoy:
     Args:
         config: everything but the seed, which is replaced by each entry of ``seeds``.
         seeds: (B,) one seed per formation.
-        steps: learning updates per formation, summed over its followers; 0 for a greedy, frozen evaluation.
-        periods: control periods at most; default for learning: twenty times what undisturbed learning needs.
-        policy: (tables, rows, actions) main weights to start from or to exploit, or one such array per seed, (B, …).
+        steps: learning updates per formation, summed over its followers; 0 for a greedy, frozen
+            evaluation.
+        periods: control periods at most; default for learning: twenty times what undisturbed
+            learning needs.
+        policy: (tables, rows, actions) main weights to start from or to exploit, or one such array
+            per seed, (B, …).
         law: a classical law that drives all followers instead of a policy; without learning only.
         reward: the user's own reward, where the configuration says reward = "own".
-        horizon: updates over which schedules are stretched, default ``steps``; a shorter run is then how a longer one begins.
+        horizon: updates over which schedules are stretched, default ``steps``; a shorter run is
+            then how a longer one begins.
         external: a robot that somebody else drives, period by period (``period``); 0 is the leader.
-        furnish: adds walls and boxes to the world; robots bump into them, but only ``SimulatedRobot`` sees them.
+        furnish: adds walls and boxes to the world; robots bump into them, but only
+            ``SimulatedRobot`` sees them.
         threads: MuJoCo's threads, 0 for one per core.
 
     Attributes:
@@ -92,29 +99,47 @@ class Convoy:
         if not seeds:
             raise ValueError("seeds is empty; expected at least one seed")
         if steps < 0 or not (steps or periods):
-            raise ValueError(f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1")
+            raise ValueError(
+                f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1"
+            )
         if law is not None:
             if steps or policy is not None:
-                raise ValueError(f"steps = {steps!r} with law = {law!r}; a law has no weights and does not learn: give periods")
+                raise ValueError(
+                    f"steps = {steps!r} with law = {law!r}; a law has no weights and does not "
+                    "learn: give periods"
+                )
             law.check(config)
         check_reward(config, reward, learning=steps > 0)
-        self.config, self.seeds, self._learning = config, tuple(seeds), steps > 0
-        count, n = len(seeds), config.followers
+        self.config = config
+        self.seeds = tuple(seeds)
+        self._learning = steps > 0
+        count = len(seeds)
+        n = config.followers
         self._rngs = [children(seed, config.fleet) for seed in seeds]
         tracks = [track_of(config, rng["track"]) for rng in self._rngs]
         self.world = World(
-            n, tracks, drive=config.drive, spacing_m=config.middle_m,
-            line_width_m=config.track.line_width_m, robot=config.robot, threads=threads, furnish=furnish,
-        )  # fmt: skip
+            n,
+            tracks,
+            drive=config.drive,
+            spacing_m=config.middle_m,
+            line_width_m=config.track.line_width_m,
+            robot=config.robot,
+            threads=threads,
+            furnish=furnish,
+        )
         pairs = config.rows * config.actions
         self.weights = first_weights(config, count, policy, learning=self._learning)
         empty = new_trace(pairs)
         self._trace_ids = np.tile(np.stack([empty[0], empty[2], empty[0]]), (count, n, 1, 1))
         self._trace_values = np.zeros((count, n, 2, pairs))
-        self._waiting, self._delay = np.zeros_like(self.world.ctrl), config.delay_steps  # commands that wait for an update
+        # commands that wait for an update
+        self._waiting = np.zeros_like(self.world.ctrl)
+        self._delay = config.delay_steps
         self._formations = np.zeros(count, FORMATION)
         self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
-        limit = periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
+        limit = (
+            periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
+        )
         self._formations["last_period"] = limit
         self.robots = np.zeros((count, n + 1), FOLLOWER)
         self.robots["state"] = -1
@@ -122,29 +147,37 @@ class Convoy:
         self.robots["memory"] = self._first_memory
         black = MODULES[config.ground]
         self.robots["white"] = self.robots["knows_white"] = WHITE
-        self.robots["black"], self.robots["knows_black"] = black, black if config.ground_calibrated else MODULES["a"]
+        self.robots["black"] = black
+        self.robots["knows_black"] = black if config.ground_calibrated else MODULES["a"]
         if self.weights.shape[1] > 1:
             self.robots["table"][:, 1:] = np.arange(n)
         if steps:
             self.robots["learns"][:, 1:] = 1
             if config.weights == "first":
                 self.robots["learns"][:, 2:] = 0
-        self.task, self._kept = fill_task(config, horizon or steps, law, reward), (law, reward)
-        self.task["column0"], self.task["row0"] = self.world.floor.column0, self.world.floor.row0
+        self.task = fill_task(config, horizon or steps, law, reward)
+        self._kept = (law, reward)
+        self.task["column0"] = self.world.floor.column0
+        self.task["row0"] = self.world.floor.row0
         if external is not None:
             if not 0 <= external <= n:
-                raise ValueError(f"external = {external!r}; this convoy has robots 0 (the leader) to {n}")
+                raise ValueError(
+                    f"external = {external!r}; this convoy has robots 0 (the leader) to {n}"
+                )
             self.task["external"] = external
         self.has_sensors = False
         if config.sensing in INFRARED or external is not None:
             self.fit_sensors()
-        # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or normal
+        # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or
+        # normal
         self._draws = [("sensor", 3, False), ("policy", n, True)]
         if config.noisy:
             self._draws.append(("noise", 2 * n, False))
         if config.sensing in INFRARED:
             self._draws.append(("infrared", SENSORS * n, False))
-        self._sights, self._lens, self._eyes = np.zeros((count, n + 1, 4)), np.zeros((count, 3, 2, 2)), list[Eyes]()
+        self._sights = np.zeros((count, n + 1, 4))
+        self._lens = np.zeros((count, 3, 2, 2))
+        self._eyes = list[Eyes]()
         if config.sensing in CAMERA:
             self._draws += [("camera", 3 * (n + 1), False), ("hidden", n + 1, True)]
             self._hang_camera()
@@ -157,12 +190,25 @@ class Convoy:
         self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         arrays = (
-            self.task, self.world.qpos, self.world.ctrl, self._waiting, self.world.floor.raster, self._formations, self.robots,
-            self.weights, self._trace_ids, self._trace_values, self._chance, self._block, self._sights, self._lens,
-        )  # fmt: skip
+            self.task,
+            self.world.qpos,
+            self.world.ctrl,
+            self._waiting,
+            self.world.floor.raster,
+            self._formations,
+            self.robots,
+            self.weights,
+            self._trace_ids,
+            self._trace_values,
+            self._chance,
+            self._block,
+            self._sights,
+            self._lens,
+        )
         types = tuple(numba.typeof(argument) for argument in (0, *arrays))
         control_step.compile(types)
-        # the compiled function for exactly these types: numba's look-up at every call would cost as much as the call
+        # the compiled function for exactly these types: numba's look-up at every call would cost as
+        # much as the call
         self._act_all = control_step.overloads[types].entry_point  # type: ignore[attr-defined]  # a named tuple
         self._arrays = arrays
 
@@ -180,7 +226,9 @@ class Convoy:
 
     @property
     def resting(self) -> NDArray[np.int64]:
-        """(B,) 1 for formations that take no part in ``period`` and ``command_all``, a live view: set it to leave some out."""
+        """(B,) 1 for formations that take no part in ``period`` and ``command_all``, a live view:
+        set it to leave some out.
+        """
         resting: NDArray[np.int64] = self._formations["done"]
         return resting
 
@@ -196,16 +244,23 @@ class Convoy:
         return entries
 
     def run_block(self) -> NDArray[np.void]:
-        """Run up to BLOCK control periods and return their records, (B, BLOCK, followers + 1) of type STEP.
+        """Run up to BLOCK control periods and return their records, (B, BLOCK, followers + 1) of
+        type STEP.
 
         Raises:
-            FloatingPointError: learning diverged; the message names seed, update, norms and step sizes.
+            FloatingPointError: learning diverged; the message names seed, update, norms and step
+                sizes.
             RuntimeError: the physics became unstable.
         """
         self._draw()
         before = self.periods.copy()
-        act_all, arrays, substeps = self._act_all, self._arrays, self.world.substeps
-        step, running, delay, ctrl = self.world.batch.step, self._running(), self._delay, self.world.ctrl
+        act_all = self._act_all
+        arrays = self._arrays
+        substeps = self.world.substeps
+        step = self.world.batch.step
+        running = self._running()
+        delay = self._delay
+        ctrl = self.world.ctrl
         for t in range(BLOCK):
             if self._eyes:
                 self.look()
@@ -227,7 +282,8 @@ class Convoy:
         return self._block
 
     def period(self, t: int) -> NDArray[np.void]:
-        """Sense, act and learn once, without physics: for a convoy with an external robot; ``world.step`` advances it.
+        """Sense, act and learn once, without physics: for a convoy with an external robot;
+        ``world.step`` advances it.
 
         Args:
             t: control periods since the start; chance is drawn anew at every multiple of BLOCK.
@@ -246,27 +302,50 @@ class Convoy:
         return steps
 
     def command(self, robot: int, left: int, right: int, t: int) -> None:
-        """Tell a robot that somebody else drives its wheel speeds in steps/s for period t, as its body carries them out."""
+        """Tell a robot that somebody else drives its wheel speeds in steps/s for period t, as its
+        body carries them out.
+        """
         for b in range(len(self.seeds)):
-            carry_out(self.task, self.robots[b], self.world.ctrl[b], robot, left, right, self._chance[b, t % BLOCK])
+            carry_out(
+                self.task,
+                self.robots[b],
+                self.world.ctrl[b],
+                robot,
+                left,
+                right,
+                self._chance[b, t % BLOCK],
+            )
 
     def command_all(self, left: NDArray[np.int64], right: NDArray[np.int64], t: int) -> None:
-        """Tell all followers that are driven from outside (law ``Outside``) their wheel speeds for period t.
+        """Tell all followers that are driven from outside (law ``Outside``) their wheel speeds for
+        period t.
 
         Args:
-            left, right: (B, followers) whole steps/s; those of a follower that is driving back, or of a formation that rests, are
-                ignored.
+            left, right: (B, followers) whole steps/s; those of a follower that is driving back, or
+                of a formation that rests, are ignored.
 
         Raises:
             ValueError: another shape.
         """
         shape = (len(self.seeds), self.config.followers)
         if left.shape != shape or right.shape != shape:
-            raise ValueError(f"left and right have shapes {left.shape} and {right.shape}; expected {shape}")
-        carry_out_all(self.task, self._formations, self.robots, self.world.ctrl, left, right, self._chance[:, t % BLOCK])
+            raise ValueError(
+                f"left and right have shapes {left.shape} and {right.shape}; expected {shape}"
+            )
+        carry_out_all(
+            self.task,
+            self._formations,
+            self.robots,
+            self.world.ctrl,
+            left,
+            right,
+            self._chance[:, t % BLOCK],
+        )
 
     def begin_again(self, formation: int, *, forget: bool = True) -> None:
-        """Let all followers of a formation that was put somewhere else begin a new episode there; ``forget`` what they saw."""
+        """Let all followers of a formation that was put somewhere else begin a new episode there;
+        ``forget`` what they saw.
+        """
         robots = self.robots[formation]
         if forget:
             self._waiting[formation] = 0
@@ -274,7 +353,8 @@ class Convoy:
             robots["tracked"] = robots["queue"] = robots["heard"] = 0
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
             begin_episode(robot, ids)
-            robot["phase"], robot["timer"] = FOLLOW, 0
+            robot["phase"] = FOLLOW
+            robot["timer"] = 0
 
     def _draw(self) -> None:
         """Draw the chance of one block."""
@@ -289,11 +369,14 @@ class Convoy:
         """Return everything that the next block depends on, as copies of plain arrays."""
         chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self._rngs]
         return {
-            "physics": self.world.states.copy(), "robots": self.robots.copy(), "formations": self._formations.copy(),
-            "weights": self.weights.copy(), "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
+            "physics": self.world.states.copy(),
+            "robots": self.robots.copy(),
+            "formations": self._formations.copy(),
+            "weights": self.weights.copy(),
+            "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
             "trace_values": self._trace_values[:, :, :1].copy(),
             "chance": np.array(json.dumps(chance)),
-        }  # fmt: skip
+        }
 
     def load(self, state: Mapping[str, NDArray[np.generic]]) -> None:
         """Continue from a state of a convoy with the same configuration, seeds and steps.
@@ -305,17 +388,23 @@ class Convoy:
         for name, array in own.items():
             if name not in state or state[name].shape != array.shape:
                 found = state[name].shape if name in state else "nothing"
-                raise ValueError(f"state[{name!r}] is {found}, expected {array.shape}; load into an equal convoy")
+                raise ValueError(
+                    f"state[{name!r}] is {found}, expected {array.shape}; load into an equal convoy"
+                )
         self.world.states[:] = state["physics"]
-        self.robots[:], self._formations[:] = state["robots"], state["formations"]
+        self.robots[:] = state["robots"]
+        self._formations[:] = state["formations"]
         self.weights[:] = state["weights"]
-        self._trace_ids[:, :, :2], self._trace_values[:, :, :1] = state["trace_ids"], state["trace_values"]
+        self._trace_ids[:, :, :2] = state["trace_ids"]
+        self._trace_values[:, :, :1] = state["trace_values"]
         for rng, stored in zip(self._rngs, json.loads(str(state["chance"])), strict=True):
             for name in CHILDREN:
                 rng[name].bit_generator.state = stored[name]
 
     def tables(self, formation: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return copies of a formation's main and secondary weights, each (tables, rows, actions)."""
+        """Return copies of a formation's main and secondary weights, each (tables, rows,
+        actions).
+        """
         shape = (-1, self.config.rows, self.config.actions)
         theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
         return theta, w
@@ -329,7 +418,8 @@ class Convoy:
             camera = Camera(config, rng["lens"])
             if not camera.sees(track.line):
                 raise ValueError(
-                    f"CameraConfig.span_m = {config.span_m!r}; the track of seed {self.seeds[b]} leaves the picture: expected a "
+                    f"CameraConfig.span_m = {config.span_m!r}; the track of seed "
+                    f"{self.seeds[b]} leaves the picture: expected a "
                     "wider view (and more pixels), or a smaller track.radius_m"
                 )
             if self.config.sensing == "pixels":
@@ -337,25 +427,36 @@ class Convoy:
             else:
                 table, view = camera.bias_table()
                 if b == 0:
-                    self._lens, self.task["cam_view"] = np.zeros((len(self.seeds), *table.shape)), view
+                    self._lens = np.zeros((len(self.seeds), *table.shape))
+                    self.task["cam_view"] = view
                 self._lens[b] = table
 
     def look(self) -> None:
-        """Draw and search a picture of every formation that still runs; with sensing "pixels" only."""
+        """Draw and search a picture of every formation that still runs; with sensing "pixels"
+        only.
+        """
         for b, eyes in enumerate(self._eyes):
             if not self._formations[b]["done"]:
                 poses = np.array([self.world.pose(b, robot) for robot in range(self.world.robots)])
-                eyes.look(int(self._formations[b]["periods"]), self.robots[b], poses, self._sights[b])
+                eyes.look(
+                    int(self._formations[b]["periods"]), self.robots[b], poses, self._sights[b]
+                )
 
     def fit_sensors(self) -> None:
-        """Give every robot infrared sensors of its own, and let it calibrate them; once, where nothing has done so."""
+        """Give every robot infrared sensors of its own, and let it calibrate them; once, where
+        nothing has done so.
+        """
         self.has_sensors = True
         infrared = self.config.infrared
         for robots, rng, seed in zip(self.robots, self._rngs, self.seeds, strict=True):
             for number, robot in enumerate(robots):
                 robot["gain"], robot["offset"] = draw_units(rng["units"], infrared)
                 if infrared.calibrated:
-                    robot["bias"] = calibrate(own_chance(self.config.fleet or seed, number, "bias"), infrared, robot["offset"])
+                    robot["bias"] = calibrate(
+                        own_chance(self.config.fleet or seed, number, "bias"),
+                        infrared,
+                        robot["offset"],
+                    )
 
     def _running(self) -> NDArray[np.int64] | None:
         done = self._formations["done"]
@@ -369,19 +470,30 @@ class Convoy:
                 if not np.all(np.isfinite(self.weights[b])):
                     learner = self.config.learner
                     message = not_finite(
-                        int(self.updates[b]), self.weights[b, :, 0], self.weights[b, :, 1], learner.alpha, learner.beta
+                        int(self.updates[b]),
+                        self.weights[b, :, 0],
+                        self.weights[b, :, 1],
+                        learner.alpha,
+                        learner.beta,
                     )
                     raise FloatingPointError(f"seed {seed}: {message}")
-            raise FloatingPointError("a temporal-difference error is not finite; lower the step sizes")
+            raise FloatingPointError(
+                "a temporal-difference error is not finite; lower the step sizes"
+            )
         for b in np.flatnonzero(self._formations["restart"]).tolist():
             self.world.restart(b)
-            self._block[b, t]["left"] = self._block[b, t]["right"] = 0  # at rest: these commands never ran
-            self.robots[b, 0]["memory"], self.robots[b, 0]["timer"] = self._first_memory, 0
+            self._block[b, t]["left"] = self._block[b, t]["right"] = (
+                0  # at rest: these commands never ran
+            )
+            self.robots[b, 0]["memory"] = self._first_memory
+            self.robots[b, 0]["timer"] = 0
             self.begin_again(b)
         self._formations["restart"] = 0
 
 
-def _release(ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: NDArray[np.int64] | None) -> None:
+def _release(
+    ctrl: NDArray[np.float64], waiting: NDArray[np.float64], running: NDArray[np.int64] | None
+) -> None:
     """Let the commands that waited take effect, in formations that still run."""
     if running is None:
         ctrl[:] = waiting

@@ -1,9 +1,12 @@
-"""The two error measures of the paper (section II-A, Fig. 1), from the poses of a follower and its predecessor.
+"""The two error measures of the paper (section II-A, Fig. 1), from the poses of a follower and its
+predecessor.
 
-* distance error e_d = d - d*, where d is the distance between the robots' centres and d* the middle of [d_min, d_max];
+* distance error e_d = d - d*, where d is the distance between the robots' centres and d* the middle
+  of [d_min, d_max];
 * angular error o_err: the bearing of the predecessor in the follower's frame, positive to the left.
 
-Both together place the follower behind its predecessor. Beyond [d_min, d_max) or ±limit the leader is lost: a terminal.
+Both together place the follower behind its predecessor. Beyond [d_min, d_max) or ±limit the leader
+is lost: a terminal.
 
 >>> distance, bearing = observe(0.0, 0.0, 1.0, 0.0, 0.1, 0.1)
 >>> round(distance, 4), round(math.degrees(bearing), 1)
@@ -16,8 +19,12 @@ from workbench.compiled import compiled
 
 
 @compiled
-def observe(x: float, y: float, c: float, s: float, ahead_x: float, ahead_y: float) -> tuple[float, float]:
-    """Return distance in m and bearing in rad of the point ahead, seen from x, y with heading cosine c and sine s."""
+def observe(
+    x: float, y: float, c: float, s: float, ahead_x: float, ahead_y: float
+) -> tuple[float, float]:
+    """Return distance in m and bearing in rad of the point ahead, seen from x, y with heading
+    cosine c and sine s.
+    """
     dx, dy = ahead_x - x, ahead_y - y
     return math.sqrt(dx * dx + dy * dy), math.atan2(c * dy - s * dx, c * dx + s * dy)
 
@@ -28,5 +35,7 @@ def keep_circle_bearing(distance_m: float, radius_m: float) -> float:
 
 
 def cut_in_radius(distance_m: float, radius_m: float) -> float:
-    """Return the circle in m of a follower that keeps its predecessor at zero bearing: √(R² - d²)."""
+    """Return the circle in m of a follower that keeps its predecessor at zero bearing: √(R² -
+    d²).
+    """
     return math.sqrt(radius_m**2 - distance_m**2)

@@ -1,12 +1,14 @@
-"""The leader: a static line follower that knows nothing but its three ground sensors (requirement M2, N6).
+"""The leader: a static line follower that knows nothing but its three ground sensors (requirement
+M2, N6).
 
-It drives at constant speed and steers in proportion to the difference of the calibrated darkness under its left and right
-sensor. When no sensor sees the line any more it turns, at the same forward speed, to the side where it saw it last; after
-two seconds without a line it stops, and drives on when it sees one. What is white and black is the leader's own knowledge
-(``knows_white``, ``knows_black`` of its record), right only if it has calibrated on its own sensors.
+It drives at constant speed and steers in proportion to the difference of the calibrated darkness
+under its left and right sensor. When no sensor sees the line any more it turns, at the same forward
+speed, to the side where it saw it last; after two seconds without a line it stops, and drives on
+when it sees one. What is white and black is the leader's own knowledge (``knows_white``,
+``knows_black`` of its record), right only if it has calibrated on its own sensors.
 
-Contract: ``follow_line`` reads and writes the leader's record: ``memory`` -1 line last seen right, +1 left; ``timer`` control
-periods without a line.
+Contract: ``follow_line`` reads and writes the leader's record: ``memory`` -1 line last seen right,
++1 left; ``timer`` control periods without a line.
 """
 
 from typing import Any
@@ -22,12 +24,17 @@ VISIBLE = 0.1  # darkness above which a sensor sees the line
 
 
 @compiled
-def follow_line(leader: Any, left: float, centre: float, right: float, speed: float, vigour: float) -> tuple[int, int]:
-    """Return wheel commands in whole steps/s for three ground readings in counts and a forward speed in steps/s.
+def follow_line(
+    leader: Any, left: float, centre: float, right: float, speed: float, vigour: float
+) -> tuple[int, int]:
+    """Return wheel commands in whole steps/s for three ground readings in counts and a forward
+    speed in steps/s.
 
-    ``vigour`` is the robot's fastest command against an e-puck's: turns are made with the same share of it.
+    ``vigour`` is the robot's fastest command against an e-puck's: turns are made with the same
+    share of it.
     """
-    white, black = leader.knows_white, leader.knows_black
+    white = leader.knows_white
+    black = leader.knows_black
     dark_left, dark_right = darkness(left, white[0], black[0]), darkness(right, white[2], black[2])
     dark_centre = darkness(centre, white[1], black[1])
     side = dark_left - dark_right

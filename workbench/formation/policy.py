@@ -1,7 +1,9 @@
-"""A learned policy with the description of what its numbers mean: tiles, actions, their units, and how it was sensed.
+"""A learned policy with the description of what its numbers mean: tiles, actions, their units, and
+how it was sensed.
 
-A table of action values is only usable with the tilings, action levels and sensing that it was learned with; a policy carries
-them and refuses to drive anything else. ``transferred`` takes it to another sensing on purpose, where the units are the same.
+A table of action values is only usable with the tilings, action levels and sensing that it was
+learned with; a policy carries them and refuses to drive anything else. ``transferred`` takes it to
+another sensing on purpose, where the units are the same.
 
 >>> from workbench.formation.config import ConvoyConfig
 >>> config = ConvoyConfig()
@@ -24,7 +26,9 @@ from workbench.formation.config import SENSING, ConvoyConfig
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 
 SCHEMA = 3
-UNITS = dict.fromkeys(SENSING, ("m", "rad")) | {"ir-raw": ("counts", "counts")}  # of both dimensions of the state
+UNITS = dict.fromkeys(SENSING, ("m", "rad")) | {
+    "ir-raw": ("counts", "counts")
+}  # of both dimensions of the state
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +36,13 @@ class Policy:
     """Action values and their meaning.
 
     Attributes:
-        theta: (tables, rows, actions) main weights; one table for all followers, or one each. With one tiling a row is a
-            state; with several, the value of an action is the sum over the active row of each, see ``ConvoyConfig.grids``.
-        distance_edges, bearing_edges: borders of the tiles of e_d in m and of o_err in rad; with sensing "ir-raw" of the left and
-            the right reading in counts.
-        left_steps, right_steps: action levels in steps/s; action = i_left * len(right_steps) + i_right.
+        theta: (tables, rows, actions) main weights; one table for all followers, or one each. With
+            one tiling a row is a state; with several, the value of an action is the sum over the
+            active row of each, see ``ConvoyConfig.grids``.
+        distance_edges, bearing_edges: borders of the tiles of e_d in m and of o_err in rad; with
+            sensing "ir-raw" of the left and the right reading in counts.
+        left_steps, right_steps: action levels in steps/s; action = i_left * len(right_steps) +
+            i_right.
         tilings: () number of offset tilings.
         sensing: () how distance and bearing were known, one of SENSING.
     """
@@ -55,26 +61,40 @@ class Policy:
             array.flags.writeable = False
             object.__setattr__(self, part.name, array)
         if str(self.sensing) not in SENSING:
-            raise ValueError(f"sensing = {str(self.sensing)!r}; expected one of {', '.join(map(repr, SENSING))}")
+            raise ValueError(
+                f"sensing = {str(self.sensing)!r}; expected one of {', '.join(map(repr, SENSING))}"
+            )
         if not np.all(np.isfinite(self.theta)):
             raise ValueError("theta holds weights that are not finite; nothing can follow them")
         rows = sum(grid.n for grid in self.grids())
         expected = (rows, self.left_steps.size * self.right_steps.size)
         if self.theta.ndim != 3 or self.theta.shape[1:] != expected:
             raise ValueError(
-                f"theta has shape {self.theta.shape}; its tiles and levels ask for (tables, {expected[0]}, {expected[1]})"
+                f"theta has shape {self.theta.shape}; its tiles and levels ask for (tables, "
+                f"{expected[0]}, {expected[1]})"
             )
 
     def grids(self) -> tuple[TileGrid, ...]:
-        """Return the offset grids whose cells are the rows of a table, as ``ConvoyConfig.grids``."""
-        grid = TileGrid(Tiling(self.distance_edges, "of a policy"), Tiling(self.bearing_edges, "of a policy"))
+        """Return the offset grids whose cells are the rows of a table, as
+        ``ConvoyConfig.grids``.
+        """
+        grid = TileGrid(
+            Tiling(self.distance_edges, "of a policy"), Tiling(self.bearing_edges, "of a policy")
+        )
         return offset_grids(grid, int(self.tilings))
 
     @classmethod
     def of(cls, config: ConvoyConfig, theta: NDArray[np.float64]) -> "Policy":
         """Return the policy of weights that were learned under a configuration."""
         distance, bearing = config.grid().tilings
-        return cls(theta, distance.edges, bearing.edges, *config.levels(), np.array(config.tilings), np.array(config.sensing))
+        return cls(
+            theta,
+            distance.edges,
+            bearing.edges,
+            *config.levels(),
+            np.array(config.tilings),
+            np.array(config.sensing),
+        )
 
     @property
     def units(self) -> tuple[str, str]:
@@ -82,24 +102,31 @@ class Policy:
         return UNITS[str(self.sensing)]
 
     def transferred(self, sensing: str) -> "Policy":
-        """Return the same weights for robots that sense otherwise: a claim that distance and bearing mean the same there (E8).
+        """Return the same weights for robots that sense otherwise: a claim that distance and
+        bearing mean the same there (E8).
 
         Raises:
             ValueError: an unknown sensing, or one whose tiles have other units.
         """
         if sensing not in SENSING:
-            raise ValueError(f"sensing = {sensing!r}; expected one of {', '.join(map(repr, SENSING))}")
+            raise ValueError(
+                f"sensing = {sensing!r}; expected one of {', '.join(map(repr, SENSING))}"
+            )
         if UNITS[sensing] != self.units:
             raise ValueError(
-                f"the policy was learned with sensing = {str(self.sensing)!r}, tiles in {' and '.join(self.units)}; {sensing!r} "
-                f"has tiles in {' and '.join(UNITS[sensing])}: learn anew, no weights can mean the same there"
+                f"the policy was learned with sensing = {str(self.sensing)!r}, tiles in "
+                f"{' and '.join(self.units)}; {sensing!r} "
+                f"has tiles in {' and '.join(UNITS[sensing])}: learn anew, no weights can "
+                "mean the same there"
             )
         return replace(self, sensing=np.array(sensing))
 
     def values(self) -> NDArray[np.float64]:
-        """Return the action values in the middle of every state, (tables, states, actions); with one tiling that is theta.
+        """Return the action values in the middle of every state, (tables, states, actions); with
+        one tiling that is theta.
 
-        Where an offset tiling has an edge in the middle of a state, its upper cell counts, as it does for a follower there.
+        Where an offset tiling has an edge in the middle of a state, its upper cell counts, as it
+        does for a follower there.
         """
         base, *others = self.grids()
         total = self.theta[:, : base.n].copy()
@@ -111,7 +138,9 @@ class Policy:
         return total
 
     def greedy(self) -> NDArray[np.int64]:
-        """Return the greedy action in the middle of every state, (tables, states), the lowest index on ties."""
+        """Return the greedy action in the middle of every state, (tables, states), the lowest index
+        on ties.
+        """
         greedy: NDArray[np.int64] = np.argmax(self.values(), axis=2)
         return greedy
 
@@ -122,16 +151,30 @@ class Policy:
             ValueError: what differs, with both sides.
         """
         own = Policy.of(config, np.zeros((1, config.rows, config.actions)))
-        for name in ("sensing", "tilings", "distance_edges", "bearing_edges", "left_steps", "right_steps"):
-            mine, theirs = getattr(self, name), getattr(own, name)
+        for name in (
+            "sensing",
+            "tilings",
+            "distance_edges",
+            "bearing_edges",
+            "left_steps",
+            "right_steps",
+        ):
+            mine = getattr(self, name)
+            theirs = getattr(own, name)
             if not np.array_equal(mine, theirs):
                 remedy = "use the configuration that the policy was learned with"
                 if name == "sensing" and UNITS[str(mine)] == UNITS[str(theirs)]:
-                    remedy += f", or say that both mean the same: policy.transferred({str(theirs)!r})"
-                raise ValueError(f"the policy has {name} = {mine.tolist()!r}, the configuration {theirs.tolist()!r}; {remedy}")
+                    remedy += (
+                        f", or say that both mean the same: policy.transferred({str(theirs)!r})"
+                    )
+                raise ValueError(
+                    f"the policy has {name} = {mine.tolist()!r}, the configuration "
+                    f"{theirs.tolist()!r}; {remedy}"
+                )
         if self.theta.shape[0] not in (1, config.followers):
             raise ValueError(
-                f"the policy has {self.theta.shape[0]} tables, the convoy {config.followers} followers; expected one table "
+                f"the policy has {self.theta.shape[0]} tables, the convoy {config.followers} "
+                "followers; expected one table "
                 "for all, or one each"
             )
 
@@ -145,7 +188,9 @@ class Policy:
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return the policy as plain arrays, for a file."""
-        return {"schema": np.array(SCHEMA)} | {part.name: getattr(self, part.name) for part in fields(self)}
+        return {"schema": np.array(SCHEMA)} | {
+            part.name: getattr(self, part.name) for part in fields(self)
+        }
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> "Policy":
@@ -157,6 +202,7 @@ class Policy:
         missing = [part.name for part in fields(cls) if part.name not in arrays]
         if missing or int(arrays.get("schema", np.array(-1))) != SCHEMA:
             raise ValueError(
-                f"not a policy of schema {SCHEMA}: schema {arrays.get('schema', 'missing')}, missing arrays {missing}"
+                f"not a policy of schema {SCHEMA}: schema {arrays.get('schema', 'missing')}, "
+                f"missing arrays {missing}"
             )
         return cls(**{part.name: arrays[part.name] for part in fields(cls)})  # type: ignore[arg-type]

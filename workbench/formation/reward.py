@@ -1,4 +1,5 @@
-"""Reward presets. The paper gives no reward function: every preset is our choice and none is "the paper's".
+"""Reward presets. The paper gives no reward function: every preset is our choice and none is "the
+paper's".
 
 With u = e_d / e_max and v = o_err / o_max, both in [-1, 1] inside the bounds:
 
@@ -7,9 +8,10 @@ With u = e_d / e_max and v = o_err / o_max, both in [-1, 1] inside the bounds:
     distance    -u²                the bearing is free inside its bounds
     alive       1 - (u² + v²) / 2  never negative; ends with the episode
 
-Losing the leader must never pay. The terminal reward is ``factor`` times the worst step reward divided by (1 - γ): with
-factor >= 1 no sum of discounted step rewards is worse than losing. Where step rewards are never negative, the worst is 0
-and so is the terminal reward: ending forgoes everything that would follow.
+Losing the leader must never pay. The terminal reward is ``factor`` times the worst step reward
+divided by (1 - γ): with factor >= 1 no sum of discounted step rewards is worse than losing. Where
+step rewards are never negative, the worst is 0 and so is the terminal reward: ending forgoes
+everything that would follow.
 
 >>> terminal_reward(worst_step_reward("quadratic"), 0.8, 1.0)
 -10.0
@@ -28,7 +30,9 @@ _WORST = {"quadratic": -2.0, "absolute": -2.0, "distance": -1.0, "alive": 0.0}
 
 @compiled
 def step_reward(preset: int, u: float, v: float) -> float:
-    """Return the reward of a step that ends inside the bounds, for a preset given by its place in PRESETS."""
+    """Return the reward of a step that ends inside the bounds, for a preset given by its place in
+    PRESETS.
+    """
     if preset == 0:
         return -(u * u + v * v)
     if preset == 1:
@@ -41,7 +45,9 @@ def step_reward(preset: int, u: float, v: float) -> float:
 
 
 def terminal_reward(worst: float, gamma: float, factor: float) -> float:
-    """Return the reward of losing the leader: factor times the worst step reward, if that is negative, over (1 - γ)."""
+    """Return the reward of losing the leader: factor times the worst step reward, if that is
+    negative, over (1 - γ).
+    """
     return round(factor * min(worst, 0.0) / (1.0 - gamma), 12) + 0.0
 
 

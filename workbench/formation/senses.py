@@ -1,15 +1,21 @@
-"""What a follower senses with its own infrared, and what it makes of it: distance and bearing of the robot in front.
+"""What a follower senses with its own infrared, and what it makes of it: distance and bearing of
+the robot in front.
 
-Both routes of the paper's section III-B look at the same two readings, of the left and the right front sensor (ps7, ps0):
+Both routes of the paper's section III-B look at the same two readings, of the left and the right
+front sensor (ps7, ps0):
 
-    ir-metric   inverts them to a distance in m and a bearing in rad (``robot.inversion``), which are then tiled;
-    ir-raw      tiles the readings themselves; reward and state know nothing of metres. Only the terminal bounds and the reset
-                manoeuvre use the inversion, as a firmware would hold them as thresholds on counts.
+    ir-metric   inverts them to a distance in m and a bearing in rad (``robot.inversion``), which
+                are then tiled;
+    ir-raw      tiles the readings themselves; reward and state know nothing of metres. Only the
+                terminal bounds and the reset manoeuvre use the inversion, as a firmware would hold
+                them as thresholds on counts.
 
-Nothing is seen below a threshold of counts. Where a side sensor (ps1, ps6) reads more than the front ones, the robot in front
-is about 50° to that side. What was seen last is remembered, and turned along with the robot's own commands.
+Nothing is seen below a threshold of counts. Where a side sensor (ps1, ps6) reads more than the
+front ones, the robot in front is about 50° to that side. What was seen last is remembered, and
+turned along with the robot's own commands.
 
-Contract: compiled; writes the follower's record, allocates nothing. A robot in sight has a finite distance; UNSEEN otherwise.
+Contract: compiled; writes the follower's record, allocates nothing. A robot in sight has a finite
+distance; UNSEEN otherwise.
 """
 
 import math
@@ -65,7 +71,17 @@ def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
             light = 0.0
             if count:
                 light = circles_light(
-                    k, x, y, c, s, robot.near_x, robot.near_y, count, task.ir_radius, task.ir_strength, task.ir_beacon
+                    k,
+                    x,
+                    y,
+                    c,
+                    s,
+                    robot.near_x,
+                    robot.near_y,
+                    count,
+                    task.ir_radius,
+                    task.ir_strength,
+                    task.ir_beacon,
                 )
             room = headroom(k, c, s, task.ambient, task.ambient_c, task.ambient_s)
             raw = raw_reading(light, robot.gain[k], robot.offset[k], room, noise[k], task.ir_spread)
@@ -85,19 +101,29 @@ def _earlier(robot: Any, age: float) -> tuple[float, float]:
 
 @compiled
 def look(task: Any, robot: Any) -> tuple[float, float]:
-    """Return distance in m and bearing in rad of the robot in front from the readings in ``prox``, UNSEEN if there is none."""
+    """Return distance in m and bearing in rad of the robot in front from the readings in ``prox``,
+    UNSEEN if there is none.
+    """
     left, right = robot.prox[7], robot.prox[0]
     robot.left_reading, robot.right_reading = warped(left, task.warp), warped(right, task.warp)
     robot.blind = min(robot.headroom[0], robot.headroom[7]) < BLINDED
-    front, side = max(left, right), max(robot.prox[1], robot.prox[6])
+    front = max(left, right)
+    side = max(robot.prox[1], robot.prox[6])
     if robot.blind or max(front, side) < task.threshold:
-        turned = (motor_speed(robot.ran_right) - motor_speed(robot.ran_left)) * STEP / TRACK * CONTROL_PERIOD
+        turned = (
+            (motor_speed(robot.ran_right) - motor_speed(robot.ran_left))
+            * STEP
+            / TRACK
+            * CONTROL_PERIOD
+        )
         robot.sought = wrap(robot.sought - turned)
         return UNSEEN, robot.sought
     if front >= side:
         distance, bearing = invert(task.ir_table, left, right)
     else:
-        distance, _ = invert(task.ir_table, side, 0.1 * side)  # as if a front sensor saw it that much to one side
+        distance, _ = invert(
+            task.ir_table, side, 0.1 * side
+        )  # as if a front sensor saw it that much to one side
         bearing = SIDEWAYS if robot.prox[6] > robot.prox[1] else -SIDEWAYS
     robot.sought = bearing
     return distance, bearing
@@ -105,10 +131,11 @@ def look(task: Any, robot: Any) -> tuple[float, float]:
 
 @compiled
 def raw_errors(task: Any, robot: Any) -> tuple[float, float]:
-    """Return the distance-like and the bearing-like error of two readings, both in [-1, 1], for the reward of ir-raw.
+    """Return the distance-like and the bearing-like error of two readings, both in [-1, 1], for the
+    reward of ir-raw.
 
-    The mean of the logarithms counts from the wanted place to the bounds, straight ahead; their difference to the bound of the
-    bearing at the wanted distance. Positive: too far; to the left.
+    The mean of the logarithms counts from the wanted place to the bounds, straight ahead; their
+    difference to the bound of the bearing at the wanted distance. Positive: too far; to the left.
     """
     left, right = math.log(robot.left_reading + FLOOR), math.log(robot.right_reading + FLOOR)
     mean = (left + right) / 2 - task.raw_middle

@@ -1,9 +1,11 @@
-"""A simulated e-puck behind the robot API: one robot of a convoy, while the others do what they always do.
+"""A simulated e-puck behind the robot API: one robot of a convoy, while the others do what they
+always do.
 
     with SimulatedRobot(ConvoyConfig(followers=1)) as robot: ...
 
-The robot stands in its place of the convoy, driven by nobody but the program. ``step`` lets 0.1 s of physics pass, as fast as it
-goes. Robots in front follow the line or their predecessor; the leader itself (``robot=0``) can be driven too.
+The robot stands in its place of the convoy, driven by nobody but the program. ``step`` lets 0.1 s
+of physics pass, as fast as it goes. Robots in front follow the line or their predecessor; the
+leader itself (``robot=0``) can be driven too.
 
 >>> with SimulatedRobot(ConvoyConfig(followers=1, drive="planar", leader_speed_mps=0.05)) as robot:
 ...     robot.enable("proximity", "motor_position")
@@ -13,8 +15,9 @@ goes. Robots in front follow the line or their predecessor; the leader itself (`
 >>> robot.get_motor_position()
 (303.0, 303.0)
 
-Contract: equal configuration and seed give equal readings for equal commands. ``convoy`` is open to every use; the robot's
-readings are those that a follower of a compiled convoy would have, bit for bit.
+Contract: equal configuration and seed give equal readings for equal commands. ``convoy`` is open to
+every use; the robot's readings are those that a follower of a compiled convoy would have, bit for
+bit.
 """
 
 import math
@@ -45,7 +48,9 @@ from workbench.robot.motors import wheel_speed
 
 @compiled
 def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
-    """Read the proximity sensors of robot i, see ``formation.senses.sense_proximity``; ``task`` is (1,)."""
+    """Read the proximity sensors of robot i, see ``formation.senses.sense_proximity``; ``task`` is
+    (1,).
+    """
     sense_proximity(task[0], robots, i, noise)
 
 
@@ -61,13 +66,23 @@ class SimulatedRobot(Robot):
         config: the convoy; its seed too.
         debug: print every command.
         robot: which robot is driven; 0 is the leader.
-        others: what the other followers follow, a policy or a classical law; default a carrot, or θ₀ where they learn.
-        learn: updates over which the others' exploration schedule runs while they learn on; 0: they do not learn.
+        others: what the other followers follow, a policy or a classical law; default a carrot, or
+            θ₀ where they learn.
+        learn: updates over which the others' exploration schedule runs while they learn on; 0: they
+            do not learn.
         realtime: whether a step takes as long as it simulates.
-        furnish, reflectance: walls and boxes, see ``arena.proximity``; with them this robot's infrared is cast by rays.
+        furnish, reflectance: walls and boxes, see ``arena.proximity``; with them this robot's
+            infrared is cast by rays.
     """
 
-    capabilities = frozenset(SENSORS) - {"microphone"} | {"drive", "calibrate", "led", "body_led", "front_led", "observe"}
+    capabilities = frozenset(SENSORS) - {"microphone"} | {
+        "drive",
+        "calibrate",
+        "led",
+        "body_led",
+        "front_led",
+        "observe",
+    }
 
     def __init__(
         self,
@@ -85,21 +100,29 @@ class SimulatedRobot(Robot):
         self.config = config if config is not None else ConvoyConfig(followers=1)
         if self.config.reset == "restart":
             raise ValueError(
-                "ConvoyConfig.reset = 'restart'; a robot that is driven from outside cannot be put back: expected 'manoeuvre'"
+                "ConvoyConfig.reset = 'restart'; a robot that is driven from outside cannot "
+                "be put back: expected 'manoeuvre'"
             )
         if others is not None:
             others.check(self.config)
         if not 0 <= robot <= self.config.followers:
-            raise ValueError(f"robot = {robot!r}; this convoy has robots 0 (the leader) to {self.config.followers}")
+            raise ValueError(
+                f"robot = {robot!r}; this convoy has robots 0 (the leader) to "
+                f"{self.config.followers}"
+            )
         if learn < 0 or (learn and isinstance(others, ControlLaw)):
             raise ValueError(
-                f"learn = {learn!r} with others = {others!r}; expected 0 or more updates, and no law where they learn"
+                f"learn = {learn!r} with others = {others!r}; expected 0 or more updates, and "
+                "no law where they learn"
             )
-        self.robot, self._others, self._learn = robot, others, learn
+        self.robot = robot
+        self._others = others
+        self._learn = learn
         self.most_steps = self.config.robot.most_steps
         if self.config.robot != EPUCK:  # what its sensors would read nobody has measured
             self.capabilities = self.capabilities - {"proximity", "light", "calibrate"}
-        self._furnish, self._reflectance = furnish, reflectance
+        self._furnish = furnish
+        self._reflectance = reflectance
         self.lights: dict[str, tuple[int, ...]] = {}
 
     def _open(self) -> None:
@@ -109,16 +132,38 @@ class SimulatedRobot(Robot):
         law = others if isinstance(others, ControlLaw) else None
         theta = others.theta if isinstance(others, Policy) else None
         self.convoy = Convoy(
-            config, [config.seed], steps=10**12 if self._learn else 0, periods=10**12, horizon=self._learn or None, law=law,
-            policy=theta, external=self.robot, threads=1, furnish=self._furnish,
-        )  # fmt: skip
-        self._rays = RayProximity(self.convoy.world, config.infrared, self._reflectance) if self._furnish else None
-        self._time, self._started = 0, False
+            config,
+            [config.seed],
+            steps=10**12 if self._learn else 0,
+            periods=10**12,
+            horizon=self._learn or None,
+            law=law,
+            policy=theta,
+            external=self.robot,
+            threads=1,
+            furnish=self._furnish,
+        )
+        self._rays = (
+            RayProximity(self.convoy.world, config.infrared, self._reflectance)
+            if self._furnish
+            else None
+        )
+        self._time = 0
+        self._started = False
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
         self.convoy.robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
-        sense(self.convoy.task, self.convoy.robots[0], self.robot, np.zeros(RING_SENSORS))  # compiled now, not while
-        _ground(self.convoy.task, self.convoy.world.floor.raster[0], self.convoy.robots[0], self.robot, 0, 0.0)  # a client waits
+        sense(
+            self.convoy.task, self.convoy.robots[0], self.robot, np.zeros(RING_SENSORS)
+        )  # compiled now, not while
+        _ground(
+            self.convoy.task,
+            self.convoy.world.floor.raster[0],
+            self.convoy.robots[0],
+            self.robot,
+            0,
+            0.0,
+        )  # a client waits
 
     def _close(self) -> None:
         self._started = False
@@ -127,27 +172,36 @@ class SimulatedRobot(Robot):
         if self.debug:
             print("→ D", left, right)
         record = self.convoy.robots[0, self.robot]
-        record["ran_left"], record["ran_right"] = left, right
+        record["ran_left"] = left
+        record["ran_right"] = right
 
     def _pass_time(self) -> None:
         if self._started:
             self.convoy.command(self.robot, *self._speed, self._time)
             self.convoy.world.step()
-            most, ticks = self.config.robot.most_steps, self.config.robot.timer_hz
-            self._steps += [wheel_speed(speed, most, ticks) * CONTROL_PERIOD for speed in self._speed]
+            most = self.config.robot.most_steps
+            ticks = self.config.robot.timer_hz
+            self._steps += [
+                wheel_speed(speed, most, ticks) * CONTROL_PERIOD for speed in self._speed
+            ]
             self._time += 1
 
     def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
-        convoy, me = self.convoy, self.robot
+        convoy = self.convoy
+        me = self.robot
         self.record: NDArray[np.void] = convoy.period(self._time)[0]
         self._started = True
         robots = convoy.robots[0]
         record = robots[me]
-        if (self.config.sensing not in INFRARED or me == 0 or self._rays is not None) and not record["silent"]:
+        if (
+            self.config.sensing not in INFRARED or me == 0 or self._rays is not None
+        ) and not record["silent"]:
             sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
         if self._rays is not None and not record["silent"]:
             self._cast(record)
-        found: dict[str, tuple[float, ...]] = {"observe": (float(record["seen_distance"]), float(record["seen_bearing"]))}
+        found: dict[str, tuple[float, ...]] = {
+            "observe": (float(record["seen_distance"]), float(record["seen_bearing"]))
+        }
         if "proximity" in sensors:
             found["proximity"] = tuple(record["prox"].tolist())
         if "light" in sensors:
@@ -157,24 +211,43 @@ class SimulatedRobot(Robot):
         speeds = {
             "motor_speed": (float(self._speed[0]), float(self._speed[1])),
             "motor_position": tuple(float(int(count)) for count in self._steps),
-            "accelerometer": (0.0, 0.0, 800.0), "selector": (10.0,), "battery": (1.0,),
-        }  # fmt: skip
+            "accelerometer": (0.0, 0.0, 800.0),
+            "selector": (10.0,),
+            "battery": (1.0,),
+        }
         return found | {sensor: speeds[sensor] for sensor in sensors if sensor in speeds}
 
     def _cast(self, record: Any) -> None:
         """Read the proximity sensors by rays against everything in the world."""
         assert self._rays is not None
-        task, noise = self.convoy.task[0], self._own.standard_normal(RING_SENSORS)
+        task = self.convoy.task[0]
+        noise = self._own.standard_normal(RING_SENSORS)
         for k, light in enumerate(self._rays.light(0, self.robot)):
             raw = raw_reading(
-                light, record["gain"][k], record["offset"][k], record["headroom"][k], noise[k], task["ir_spread"]
-            )  # fmt: skip
+                light,
+                record["gain"][k],
+                record["offset"][k],
+                record["headroom"][k],
+                noise[k],
+                task["ir_spread"],
+            )
             record["prox"][k] = max(raw - record["bias"][k], 0.0)
 
     def _floor(self) -> tuple[float, ...]:
-        convoy, noise = self.convoy, self._own.standard_normal(3)
+        convoy = self.convoy
+        noise = self._own.standard_normal(3)
         return tuple(
-            float(_ground(convoy.task, convoy.world.floor.raster[0], convoy.robots[0], self.robot, k, noise[k])) for k in range(3)
+            float(
+                _ground(
+                    convoy.task,
+                    convoy.world.floor.raster[0],
+                    convoy.robots[0],
+                    self.robot,
+                    k,
+                    noise[k],
+                )
+            )
+            for k in range(3)
         )
 
     def _set_device(self, device: str, values: tuple[int, ...]) -> None:
@@ -194,7 +267,10 @@ class SimulatedRobot(Robot):
         self._open()
 
     def _version(self) -> str:
-        return f"simulated e-puck {self.robot} of {self.config.followers + 1}, sensing {self.config.sensing}"
+        return (
+            f"simulated e-puck {self.robot} of {self.config.followers + 1}, sensing "
+            f"{self.config.sensing}"
+        )
 
     @property
     def time_s(self) -> float:
@@ -206,7 +282,9 @@ class SimulatedRobot(Robot):
         return self.convoy.world.pose(0, self.robot)
 
     def true_errors(self) -> tuple[float, float]:
-        """Return the true distance in m and bearing in rad of the robot in front, for judging only."""
+        """Return the true distance in m and bearing in rad of the robot in front, for judging
+        only.
+        """
         x, y, heading = self.pose()
         ahead_x, ahead_y, _ = self.convoy.world.pose(0, self.robot - 1)
         distance, bearing = observe(x, y, math.cos(heading), math.sin(heading), ahead_x, ahead_y)

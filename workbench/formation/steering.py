@@ -1,25 +1,33 @@
-"""Classical steering laws, compiled: what a follower does when it is driven by a formula and not by a table.
+"""Classical steering laws, compiled: what a follower does when it is driven by a formula and not by
+a table.
 
-Each law gets distance d and bearing φ of the predecessor and, where it needs more, what ``formation.classical`` declares.
-Unicycle: v = (v_L + v_R) / 2, ω = (v_R - v_L) / b. The law's (v, ω) becomes two wheel speeds within the learner's own range, in
-whole steps/s; where a wheel would leave the range both are shifted, so that the turn is kept as long as possible.
+Each law gets distance d and bearing φ of the predecessor and, where it needs more, what
+``formation.classical`` declares. Unicycle: v = (v_L + v_R) / 2, ω = (v_R - v_L) / b. The law's (v,
+ω) becomes two wheel speeds within the learner's own range, in whole steps/s; where a wheel would
+leave the range both are shifted, so that the turn is kept as long as possible.
 
     CARROT        v = k_d e_d + k_i ∫e_d, ω = k_φ φ
     LEADER_FRAME  input-output linearisation of (d, φ), with β = θ1 - θ2 - φ:
                   v = (k_d e_d + v1 cos β) / cos φ, ω = k_φ φ + (v sin φ + v1 sin β) / d
-    L_PSI         separation-bearing control of a point ``ahead`` of the axle (Desai et al. 2001, Das et al. 2002)
-    PURSUIT       pure pursuit of the predecessor's breadcrumbs at a look-ahead L: ω = v 2 sin α / L; v as CARROT
+    L_PSI         separation-bearing control of a point ``ahead`` of the axle (Desai et al. 2001,
+                  Das et al. 2002)
+    PURSUIT       pure pursuit of the predecessor's breadcrumbs at a look-ahead L:
+                  ω = v 2 sin α / L; v as CARROT
     OWN           a function of the user's own, ``formation.own``
-    OUTSIDE       nothing: commands come from outside, after everybody has sensed (``Convoy.command_all``)
-    PATH          path reconstruction (after Klančar, Matko, Blažič 2009): a parabola in time, fitted by least squares to the
-                  breadcrumbs around the point d* behind the predecessor, gives reference, feed-forward and curvature; state
+    OUTSIDE       nothing: commands come from outside, after everybody has sensed
+                  (``Convoy.command_all``)
+    PATH          path reconstruction (after Klančar, Matko, Blažič 2009): a parabola in time,
+                  fitted by least squares to the breadcrumbs around the point d* behind the
+                  predecessor, gives reference, feed-forward and curvature; state
                   feedback of the longitudinal, lateral and heading error
 
-Breadcrumbs are places of the predecessor in the follower's own odometry (its commanded, quantised wheel speeds), one per control
-period, the last 25.6 s of them. While they do not reach back far enough (a young episode, a very slow predecessor), PURSUIT
-steers at the predecessor and PATH as CARROT does.
+Breadcrumbs are places of the predecessor in the follower's own odometry (its commanded, quantised
+wheel speeds), one per control period, the last 25.6 s of them. While they do not reach back far
+enough (a young episode, a very slow predecessor), PURSUIT steers at the predecessor and PATH as
+CARROT does.
 
-Contract: a law writes only its memory in the follower's record; every episode begins with an empty memory. Nothing is allocated.
+Contract: a law writes only its memory in the follower's record; every episode begins with an empty
+memory. Nothing is allocated.
 """
 
 import math
@@ -38,29 +46,47 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
     """Return a law's wheel commands in whole steps/s.
 
     Args:
-        task: TASK record: ``law``, ``gain`` (8,), ``middle`` (d*, m), ``slowest`` and ``fastest`` (steps/s of a wheel).
+        task: TASK record: ``law``, ``gain`` (8,), ``middle`` (d*, m), ``slowest`` and ``fastest``
+            (steps/s of a wheel).
         follower: FOLLOWER record; its ``state`` is -1 where an episode begins.
         distance, bearing: of the predecessor, m and rad.
     """
-    law, gain = task.law, task.gain
+    law = task.law
+    gain = task.gain
     if law == OUTSIDE:
         return 0, 0
     if follower.state < 0:
-        follower.integral, follower.crumbs = 0.0, 0
+        follower.integral = 0.0
+        follower.crumbs = 0
         follower.ox = follower.oy = follower.oh = 0.0
     error = distance - task.middle
     if law == OWN:
-        v, omega = call_at(task.own_speed, distance, bearing), call_at(task.own_turn, distance, bearing)
+        v, omega = (
+            call_at(task.own_speed, distance, bearing),
+            call_at(task.own_turn, distance, bearing),
+        )
         if not (math.isfinite(v) and math.isfinite(omega)):
-            follower.trouble, follower.trouble_at[0], follower.trouble_at[1] = 1, distance, bearing
+            follower.trouble = 1
+            follower.trouble_at[0] = distance
+            follower.trouble_at[1] = bearing
             v = omega = 0.0
     elif law == LEADER_FRAME:
-        v, omega = leader_frame(distance, bearing, follower.ahead_heading, follower.ahead_speed, error, gain[0], gain[1])
+        v, omega = leader_frame(
+            distance, bearing, follower.ahead_heading, follower.ahead_speed, error, gain[0], gain[1]
+        )
     elif law == L_PSI:
         v, omega = l_psi(
-            distance, bearing, follower.ahead_heading, follower.ahead_speed, follower.ahead_turn,
-            task.middle - gain[2], math.pi, gain[2], gain[0], gain[1],
-        )  # fmt: skip
+            distance,
+            bearing,
+            follower.ahead_heading,
+            follower.ahead_speed,
+            follower.ahead_turn,
+            task.middle - gain[2],
+            math.pi,
+            gain[2],
+            gain[0],
+            gain[1],
+        )
     else:
         if law != CARROT:
             _drop_crumb(task, follower, distance, bearing)
@@ -77,9 +103,18 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
 
 @compiled
 def leader_frame(
-    distance: float, bearing: float, heading: float, v1: float, error: float, k_distance: float, k_bearing: float
+    distance: float,
+    bearing: float,
+    heading: float,
+    v1: float,
+    error: float,
+    k_distance: float,
+    k_bearing: float,
 ) -> tuple[float, float]:
-    """Return (v, ω) that make d and φ decay exponentially; singular at |φ| = 90°. ``heading`` is θ1 - θ2."""
+    """Return (v, ω) that make d and φ decay exponentially; singular at |φ| = 90°.
+
+    ``heading`` is θ1 - θ2.
+    """
     beta = heading - bearing
     v = (k_distance * error + v1 * math.cos(beta)) / max(math.cos(bearing), 0.05)
     return v, k_bearing * bearing + (v * math.sin(bearing) + v1 * math.sin(beta)) / distance
@@ -87,26 +122,46 @@ def leader_frame(
 
 @compiled
 def l_psi(
-    distance: float, bearing: float, heading: float, v1: float, omega1: float,
-    l_wanted: float, psi_wanted: float, ahead: float, alpha1: float, alpha2: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Return (v, ω) of l-ψ control: l from the leader's axle to a point ``ahead`` of the own one, ψ its angle seen by the leader.
+    distance: float,
+    bearing: float,
+    heading: float,
+    v1: float,
+    omega1: float,
+    l_wanted: float,
+    psi_wanted: float,
+    ahead: float,
+    alpha1: float,
+    alpha2: float,
+) -> tuple[float, float]:
+    """Return (v, ω) of l-ψ control: l from the leader's axle to a point ``ahead`` of the own one, ψ
+    its angle seen by the leader.
 
-    γ = θ1 + ψ - θ2; ρ = (α1 (l_d - l) + v1 cos ψ) / cos γ; ω = (cos γ / a) (α2 l (ψ_d - ψ) - v1 sin ψ + l ω1 + ρ sin γ);
-    v = ρ - a ω tan γ, with a = ``ahead``.
+    γ = θ1 + ψ - θ2; ρ = (α1 (l_d - l) + v1 cos ψ) / cos γ; ω = (cos γ / a) (α2 l (ψ_d - ψ) - v1 sin
+    ψ + l ω1 + ρ sin γ); v = ρ - a ω tan γ, with a = ``ahead``.
     """
-    x, y = ahead - distance * math.cos(bearing), -distance * math.sin(bearing)  # leader to point, in the follower's frame
-    length, gamma = math.sqrt(x * x + y * y), math.atan2(y, x)
+    x, y = (
+        ahead - distance * math.cos(bearing),
+        -distance * math.sin(bearing),
+    )  # leader to point, in the follower's frame
+    length = math.sqrt(x * x + y * y)
+    gamma = math.atan2(y, x)
     psi = gamma - heading
     rho = (alpha1 * (l_wanted - length) + v1 * math.cos(psi)) / math.cos(gamma)
-    turn = alpha2 * length * wrap(psi_wanted - psi) - v1 * math.sin(psi) + length * omega1 + rho * math.sin(gamma)
+    turn = (
+        alpha2 * length * wrap(psi_wanted - psi)
+        - v1 * math.sin(psi)
+        + length * omega1
+        + rho * math.sin(gamma)
+    )
     omega = math.cos(gamma) / ahead * turn
     return rho - ahead * omega * math.tan(gamma), omega
 
 
 @compiled
 def pursuit_turn(x: float, y: float, v: float) -> float:
-    """Return ω of the arc through a target at x, y (m) in the robot's frame: v κ with κ = 2 sin α / L = 2 y / L²."""
+    """Return ω of the arc through a target at x, y (m) in the robot's frame: v κ with κ = 2 sin α /
+    L = 2 y / L².
+    """
     return v * 2.0 * y / (x * x + y * y)
 
 
@@ -118,9 +173,13 @@ def wrap(angle: float) -> float:
 
 @compiled
 def _pace(task: Any, follower: Any, error: float) -> float:
-    """Return the forward speed of a PI control of the distance, whose integral stops where the wheels' range ends."""
+    """Return the forward speed of a PI control of the distance, whose integral stops where the
+    wheels' range ends.
+    """
     v: float = task.gain[0] * error + task.gain[1] * follower.integral
-    if (v < task.fastest * task.step_m or error < 0.0) and (v > task.slowest * task.step_m or error > 0.0):
+    if (v < task.fastest * task.step_m or error < 0.0) and (
+        v > task.slowest * task.step_m or error > 0.0
+    ):
         follower.integral += error * CONTROL_PERIOD
     return v
 
@@ -131,7 +190,8 @@ def _drop_crumb(task: Any, follower: Any, distance: float, bearing: float) -> No
     if follower.crumbs > 0:
         left = wheel_speed(follower.left, task.most, task.ticks) * task.step_m
         right = wheel_speed(follower.right, task.most, task.ticks) * task.step_m
-        v, turn = (left + right) / 2, (right - left) / task.track_m * CONTROL_PERIOD
+        v = (left + right) / 2
+        turn = (right - left) / task.track_m * CONTROL_PERIOD
         middle = follower.oh + turn / 2
         follower.ox += v * CONTROL_PERIOD * math.cos(middle)
         follower.oy += v * CONTROL_PERIOD * math.sin(middle)
@@ -144,10 +204,15 @@ def _drop_crumb(task: Any, follower: Any, distance: float, bearing: float) -> No
 
 @compiled
 def _pursue(follower: Any, distance: float, bearing: float, look_ahead: float, v: float) -> float:
-    """Return ω towards the newest breadcrumb within the look-ahead, or towards the predecessor if there is none yet."""
+    """Return ω towards the newest breadcrumb within the look-ahead, or towards the predecessor if
+    there is none yet.
+    """
     c, s = math.cos(follower.oh), math.sin(follower.oh)
     for k in range(follower.crumbs - 1, max(0, follower.crumbs - CRUMBS) - 1, -1):
-        dx, dy = follower.trail[k % CRUMBS, 0] - follower.ox, follower.trail[k % CRUMBS, 1] - follower.oy
+        dx, dy = (
+            follower.trail[k % CRUMBS, 0] - follower.ox,
+            follower.trail[k % CRUMBS, 1] - follower.oy,
+        )
         if dx * dx + dy * dy <= look_ahead * look_ahead:
             return pursuit_turn(c * dx + s * dy, c * dy - s * dx, v)
     return pursuit_turn(distance * math.cos(bearing), distance * math.sin(bearing), v)
@@ -155,11 +220,15 @@ def _pursue(follower: Any, distance: float, bearing: float, look_ahead: float, v
 
 @compiled
 def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, float]:
-    """Return (found, v, ω) from the reconstructed path; not found while the breadcrumbs do not reach d* back."""
-    trail, newest = follower.trail, follower.crumbs - 1
+    """Return (found, v, ω) from the reconstructed path; not found while the breadcrumbs do not
+    reach d* back.
+    """
+    trail = follower.trail
+    newest = follower.crumbs - 1
     oldest = max(0, follower.crumbs - CRUMBS)
     x, y = trail[newest % CRUMBS, 0], trail[newest % CRUMBS, 1]
-    place, nearer = newest, 0.0
+    place = newest
+    nearer = 0.0
     while place >= oldest:
         gap = math.hypot(trail[place % CRUMBS, 0] - x, trail[place % CRUMBS, 1] - y)
         if gap >= middle:
@@ -178,7 +247,8 @@ def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, 
         return False, 0.0, 0.0
     c, s = math.cos(follower.oh), math.sin(follower.oh)
     dx, dy = rx - follower.ox, ry - follower.oy
-    along, across = c * dx + s * dy, c * dy - s * dx
+    along = c * dx + s * dy
+    across = c * dy - s * dx
     heading = wrap(math.atan2(vy, vx) - follower.oh)
     turn = (vx * ay - vy * ax) / (speed * speed)
     slope = math.sin(heading) / heading if abs(heading) > 1e-9 else 1.0
@@ -187,13 +257,18 @@ def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, 
 
 
 @compiled
-def _parabola(trail: Any, axis: int, first: int, last: int, place: int, part: float) -> tuple[float, float, float]:
-    """Return value, velocity and acceleration (per s) at place + part of a least-squares parabola through breadcrumbs."""
+def _parabola(
+    trail: Any, axis: int, first: int, last: int, place: int, part: float
+) -> tuple[float, float, float]:
+    """Return value, velocity and acceleration (per s) at place + part of a least-squares parabola
+    through breadcrumbs.
+    """
     n = last - first + 1
     centre = (n - 1) / 2.0  # times around the middle of the window: odd moments vanish
     s2 = s4 = b0 = b1 = b2 = 0.0
     for k in range(n):
-        t, y = k - centre, trail[(first + k) % CRUMBS, axis]
+        t = k - centre
+        y = trail[(first + k) % CRUMBS, axis]
         s2 += t * t
         s4 += t * t * t * t
         b0 += y
@@ -209,8 +284,13 @@ def _parabola(trail: Any, axis: int, first: int, last: int, place: int, part: fl
 
 @compiled
 def _wheels(task: Any, follower: Any, v: float, omega: float) -> tuple[int, int]:
-    """Return wheel commands for (v, ω) within the range of the learner's levels, the turn kept as long as possible."""
-    left, right = (v - omega * task.track_m / 2) / task.step_m, (v + omega * task.track_m / 2) / task.step_m
+    """Return wheel commands for (v, ω) within the range of the learner's levels, the turn kept as
+    long as possible.
+    """
+    left, right = (
+        (v - omega * task.track_m / 2) / task.step_m,
+        (v + omega * task.track_m / 2) / task.step_m,
+    )
     shift = min(0.0, task.fastest - max(left, right)) + max(0.0, task.slowest - min(left, right))
     left = min(max(left + shift, task.slowest), task.fastest)
     right = min(max(right + shift, task.slowest), task.fastest)

@@ -1,8 +1,8 @@
 """GQ(λ) and Greedy-GQ(λ) as objects: weights, trace and step sizes around the kernel.
 
-``GQ`` learns with any sparse features and a target policy that the caller knows. ``GreedyGQ`` is the control algorithm of
-the paper: one feature per (state, action) pair, greedy target policy, ε-greedy behaviour. ``UpdateBuffer`` is the paper's
-update buffer (II-D).
+``GQ`` learns with any sparse features and a target policy that the caller knows. ``GreedyGQ`` is
+the control algorithm of the paper: one feature per (state, action) pair, greedy target policy,
+ε-greedy behaviour. ``UpdateBuffer`` is the paper's update buffer (II-D).
 
 >>> learner = GreedyGQ(states=2, actions=2, alpha=0.5, beta=0.01, gamma=0.9, lam=0.0)
 >>> learner.begin_episode()
@@ -10,8 +10,8 @@ update buffer (II-D).
 >>> learner.theta.tolist()
 [[0.0, -0.5], [0.0, 0.0]]
 
-Contract: ``theta`` and ``w`` are the live weights, views and not copies; ``trace`` and ``state`` return copies. An object
-is used by one thread at a time.
+Contract: ``theta`` and ``w`` are the live weights, views and not copies; ``trace`` and ``state``
+return copies. An object is used by one thread at a time.
 """
 
 from collections.abc import Mapping
@@ -41,17 +41,35 @@ class GQ:
     """
 
     def __init__(
-        self, features: int, alpha: float, *, beta: float = 0.0, cutoff: float = 0.0, theta0: float = 0.0, kappa: float = 0.0
+        self,
+        features: int,
+        alpha: float,
+        *,
+        beta: float = 0.0,
+        cutoff: float = 0.0,
+        theta0: float = 0.0,
+        kappa: float = 0.0,
     ) -> None:
         if features < 1:
             raise ValueError(f"features = {features!r}; expected at least 1")
-        own = (("alpha", alpha, True), ("beta", beta, False), ("cutoff", cutoff, False), ("kappa", kappa, False))
+        own = (
+            ("alpha", alpha, True),
+            ("beta", beta, False),
+            ("cutoff", cutoff, False),
+            ("kappa", kappa, False),
+        )
         for name, number, positive in own:
             if not np.isfinite(number) or number < 0 or (positive and number == 0):
-                raise ValueError(f"{name} = {number!r}; expected a finite number {'above' if positive else 'from'} 0")
+                raise ValueError(
+                    f"{name} = {number!r}; expected a finite number "
+                    f"{'above' if positive else 'from'} 0"
+                )
         if not np.isfinite(theta0):
             raise ValueError(f"theta0 = {theta0!r}; expected a finite number")
-        self.alpha, self.beta, self.cutoff, self.kappa = float(alpha), float(beta), float(cutoff), float(kappa)
+        self.alpha = float(alpha)
+        self.beta = float(beta)
+        self.cutoff = float(cutoff)
+        self.kappa = float(kappa)
         self._theta = np.full(features, float(theta0))
         self._w = np.zeros(features)
         self._index, self._value, self._slot = new_trace(features)
@@ -89,27 +107,54 @@ class GQ:
 
         Raises:
             ValueError: a feature index out of range, or not one value per index.
-            FloatingPointError: the update is not finite; the message has step number, weight norm and step sizes.
+            FloatingPointError: the update is not finite; the message has step number, weight norm
+                and step sizes.
         """
         self._n, self.delta, w_e = gq_update(
-            self._theta, self._w, self._index, self._value, self._slot, self._n,
-            *self._features("phi", phi), *self._features("phi_bar", phi_bar),
-            float(reward), float(outcome), float(interest), float(rho),
-            self._decay, float(gamma), float(lam), self.alpha, self.beta, self.cutoff, self.kappa,
-        )  # fmt: skip
+            self._theta,
+            self._w,
+            self._index,
+            self._value,
+            self._slot,
+            self._n,
+            *self._features("phi", phi),
+            *self._features("phi_bar", phi_bar),
+            float(reward),
+            float(outcome),
+            float(interest),
+            float(rho),
+            self._decay,
+            float(gamma),
+            float(lam),
+            self.alpha,
+            self.beta,
+            self.cutoff,
+            self.kappa,
+        )
         self._decay = float(gamma) * float(lam)
         self.steps += 1
         touched = self._theta[self._index[: self._n]]
         if not (np.isfinite(self.delta) and np.isfinite(w_e) and np.all(np.isfinite(touched))):
-            raise FloatingPointError(not_finite(self.steps, self._theta, self._w, self.alpha, self.beta))
+            raise FloatingPointError(
+                not_finite(self.steps, self._theta, self._w, self.alpha, self.beta)
+            )
 
-    def _features(self, name: str, pairs: tuple[ArrayLike, ArrayLike]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _features(
+        self, name: str, pairs: tuple[ArrayLike, ArrayLike]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return checked index and value arrays: the kernel itself checks nothing."""
-        index, value = np.asarray(pairs[0], np.int64).ravel(), np.asarray(pairs[1], np.float64).ravel()
+        index = np.asarray(pairs[0], np.int64).ravel()
+        value = np.asarray(pairs[1], np.float64).ravel()
         if index.size != value.size:
-            raise ValueError(f"{name} has {index.size} indices and {value.size} values; expected one value per index")
+            raise ValueError(
+                f"{name} has {index.size} indices and {value.size} values; expected one value "
+                "per index"
+            )
         if index.size and not (0 <= index.min() and index.max() < self._theta.size):
-            raise ValueError(f"{name} indices are {index.tolist()}; the learner has features 0 to {self._theta.size - 1}")
+            raise ValueError(
+                f"{name} indices are {index.tolist()}; the learner has features 0 to "
+                f"{self._theta.size - 1}"
+            )
         return index, value
 
     @property
@@ -129,33 +174,50 @@ class GQ:
         return dense.reshape(self.theta.shape)
 
     def state(self) -> State:
-        """Return everything that the next update depends on, as arrays and plain values (all copies)."""
+        """Return everything that the next update depends on, as arrays and plain values (all
+        copies).
+        """
         return {
-            "schema": SCHEMA, "kind": type(self).__name__, "theta": self.theta.copy(), "w": self.w.copy(),
-            "trace_index": self._index[: self._n].copy(), "trace_value": self._value[: self._n].copy(),
-            "decay": self._decay, "steps": self.steps,
-            "alpha": self.alpha, "beta": self.beta, "cutoff": self.cutoff, "kappa": self.kappa,
-        }  # fmt: skip
+            "schema": SCHEMA,
+            "kind": type(self).__name__,
+            "theta": self.theta.copy(),
+            "w": self.w.copy(),
+            "trace_index": self._index[: self._n].copy(),
+            "trace_value": self._value[: self._n].copy(),
+            "decay": self._decay,
+            "steps": self.steps,
+            "alpha": self.alpha,
+            "beta": self.beta,
+            "cutoff": self.cutoff,
+            "kappa": self.kappa,
+        }
 
     def load(self, state: Mapping[str, object]) -> None:
         """Continue from a state of the same kind, shape and step sizes.
 
         Raises:
-            ValueError: the state belongs to another kind of learner, layout or parameter; nothing is changed then.
+            ValueError: the state belongs to another kind of learner, layout or parameter; nothing
+                is changed then.
         """
         own = self.state()
         missing = sorted(set(own) - set(state))
         if missing:
             raise ValueError(f"state lacks {', '.join(missing)}; expected what state() returns")
         for name in own:
-            if name in ("theta", "w"):
-                given, expected = np.asarray(state[name]).shape, np.asarray(own[name]).shape
-            elif name in ("trace_index", "trace_value", "decay", "steps"):
+            if name in ("trace_index", "trace_value", "decay", "steps"):
                 continue
+            given: object = state[name]
+            expected: object = own[name]
+            if name in ("theta", "w"):
+                given = np.asarray(given).shape
+                expected = np.asarray(expected).shape
             else:
-                given, expected = _plain(state[name]), own[name]  # type: ignore[assignment]
+                given = _plain(given)
             if given != expected:
-                raise ValueError(f"state[{name!r}] is {given!r}, this learner has {expected!r}; load into an equal learner")
+                raise ValueError(
+                    f"state[{name!r}] is {given!r}, this learner has {expected!r}; load into "
+                    "an equal learner"
+                )
         index, value = self._features("trace", (state["trace_index"], state["trace_value"]))  # type: ignore[arg-type]
         if np.unique(index).size != index.size:
             raise ValueError(f"trace_index holds a feature twice: {index.tolist()}")
@@ -194,9 +256,13 @@ class GreedyGQ(GQ):
         kappa: float = 0.0,
     ) -> None:
         check_table(states, actions, gamma, lam)
-        super().__init__(states * actions, alpha, beta=beta, cutoff=cutoff, theta0=theta0, kappa=kappa)
-        self.states, self.actions = states, actions
-        self.gamma, self.lam = float(gamma), float(lam)
+        super().__init__(
+            states * actions, alpha, beta=beta, cutoff=cutoff, theta0=theta0, kappa=kappa
+        )
+        self.states = states
+        self.actions = actions
+        self.gamma = float(gamma)
+        self.lam = float(lam)
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -213,10 +279,14 @@ class GreedyGQ(GQ):
         return int(greedy_action(self._theta, self._pair(s, 0), self.actions))
 
     def act(self, s: int, rng: np.random.Generator, *, epsilon: float) -> tuple[int, float]:
-        """Return an ε-greedy action in state s and its importance ratio ρ, which belongs to this moment."""
+        """Return an ε-greedy action in state s and its importance ratio ρ, which belongs to this
+        moment.
+        """
         if not 0.0 <= epsilon <= 1.0:
             raise ValueError(f"epsilon = {epsilon!r}; expected a number from 0 to 1")
-        action, rho = choose_action(self._theta, self._pair(s, 0), self.actions, epsilon, rng.random())
+        action, rho = choose_action(
+            self._theta, self._pair(s, 0), self.actions, epsilon, rng.random()
+        )
         return int(action), float(rho)
 
     def update(self, s: int, a: int, reward: float, s_next: int | None, *, rho: float) -> None:
@@ -225,26 +295,34 @@ class GreedyGQ(GQ):
         Args:
             s, a: state and action, 0-based.
             reward: R_{t+1}.
-            s_next: the next state; None at a terminal. An episode cut off by a time limit is not terminal: give its state.
+            s_next: the next state; None at a terminal. An episode cut off by a time limit is not
+                terminal: give its state.
             rho: importance ratio of a, fixed when a was chosen.
 
         Raises:
-            ValueError: an index out of range, or a reward or rho that is not finite (rho also not negative).
+            ValueError: an index out of range, or a reward or rho that is not finite (rho also not
+                negative).
             FloatingPointError: the update diverged.
         """
         if not np.isfinite(reward):
             raise ValueError(f"reward = {reward!r}; expected a finite number")
         if not np.isfinite(rho) or rho < 0:
-            raise ValueError(f"rho = {rho!r}; expected a finite number from 0: 1/b(a|s) if a was greedy, else 0")
+            raise ValueError(
+                f"rho = {rho!r}; expected a finite number from 0: 1/b(a|s) if a was greedy, else 0"
+            )
         pair = self._pair(s, a)
         if s_next is None:
             self.learn(([pair], [1.0]), reward, ([], []), gamma=0.0, lam=self.lam, rho=rho)
         else:
             best = self._pair(s_next, self.greedy(s_next))
-            self.learn(([pair], [1.0]), reward, ([best], [1.0]), gamma=self.gamma, lam=self.lam, rho=rho)
+            self.learn(
+                ([pair], [1.0]), reward, ([best], [1.0]), gamma=self.gamma, lam=self.lam, rho=rho
+            )
 
     def state(self) -> State:
-        """Return everything that the next update depends on, as arrays and plain values (all copies)."""
+        """Return everything that the next update depends on, as arrays and plain values (all
+        copies).
+        """
         return super().state() | {"gamma": self.gamma, "lam": self.lam}
 
     def _pair(self, s: int, a: int) -> int:
@@ -261,11 +339,13 @@ class _Learner(Protocol):
 
 
 class UpdateBuffer:
-    """The paper's update buffer (II-D), depth 1: observations are cached and learned while the next action runs.
+    """The paper's update buffer (II-D), depth 1: observations are cached and learned while the next
+    action runs.
 
-    The robot loop is: observe, ``push`` the finished transition, choose and send the next action, ``flush`` while it runs.
-    A terminal needs one extra ``flush``, as no action follows. ``push`` learns a transition that is still waiting, so that
-    nothing is lost, and leaving the ``with`` block learns the last one.
+    The robot loop is: observe, ``push`` the finished transition, choose and send the next action,
+    ``flush`` while it runs. A terminal needs one extra ``flush``, as no action follows. ``push``
+    learns a transition that is still waiting, so that nothing is lost, and leaving the ``with``
+    block learns the last one.
 
     >>> learner = GreedyGQ(states=1, actions=1, alpha=0.5, beta=0.0, gamma=0.0, lam=0.0)
     >>> with UpdateBuffer(learner) as buffer:
@@ -293,7 +373,8 @@ class UpdateBuffer:
         """Learn the waiting transition exactly once; return whether there was one."""
         if self._waiting is None:
             return False
-        (s, a, reward, s_next, rho), self._waiting = self._waiting, None
+        (s, a, reward, s_next, rho) = self._waiting
+        self._waiting = None
         self.learner.update(s, a, reward, s_next, rho=rho)
         return True
 
@@ -313,12 +394,16 @@ def check_table(states: int, actions: int, gamma: float, lam: float) -> None:
             raise ValueError(f"{name} = {number!r}; expected a number from 0 to 1")
 
 
-def not_finite(step: int, theta: NDArray[np.float64], w: NDArray[np.float64], alpha: float, beta: float) -> str:
+def not_finite(
+    step: int, theta: NDArray[np.float64], w: NDArray[np.float64], alpha: float, beta: float
+) -> str:
     """Return the message for weights that are no longer numbers: step, norms and step sizes."""
     with np.errstate(all="ignore"):
-        norm, w_norm = float(np.linalg.norm(theta.ravel())), float(np.linalg.norm(w.ravel()))
+        norm = float(np.linalg.norm(theta.ravel()))
+        w_norm = float(np.linalg.norm(w.ravel()))
     return (
-        f"learning diverged at update {step}: |theta| = {norm:g}, |w| = {w_norm:g} with alpha = {alpha:g}, "
+        f"learning diverged at update {step}: |theta| = {norm:g}, |w| = {w_norm:g} with alpha "
+        f"= {alpha:g}, "
         f"beta = {beta:g}; lower the step sizes, or gamma * lam"
     )
 

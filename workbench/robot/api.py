@@ -2,26 +2,30 @@
 
 A control program reads, decides and drives, whatever is at the other end:
 
-    with open_robot("sim:") as robot:  # "serial:/dev/ttyS0", "tcp:192.168.1.20:1000", "log:recording.csv"
+    # "serial:/dev/ttyS0", "tcp:192.168.1.20:1000", "log:recording.csv"
+    with open_robot("sim:") as robot:
         robot.enable("proximity")
         for _ in range(100):
             robot.step()  # lets one control period pass, then reads what is enabled
             robot.set_motors_speed(*decide(robot.get_proximity()))  # takes effect at once
         robot.stop()
 
-``step`` keeps the pace: the first call reads at once, every later one waits until a period after the last. A call that comes late
-is counted (``missed_deadlines``, ``worst_latency_s``) and starts a new period. A program that learns does so between
-``set_motors_speed`` and ``step``, while the command runs.
+``step`` keeps the pace: the first call reads at once, every later one waits until a period after
+the last. A call that comes late is counted (``missed_deadlines``, ``worst_latency_s``) and starts a
+new period. A program that learns does so between ``set_motors_speed`` and ``step``, while the
+command runs.
 
-A robot never runs away. It is stopped when a connection opens, when a ``with`` block ends, for whatever reason, on a faulty
-reply, and by a watchdog when a moving robot has heard nothing for ``watchdog_s``. Where the link is lost nothing can stop it:
-the error says so, and stop is the first thing sent when it is connected again.
+A robot never runs away. It is stopped when a connection opens, when a ``with`` block ends, for
+whatever reason, on a faulty reply, and by a watchdog when a moving robot has heard nothing for
+``watchdog_s``. Where the link is lost nothing can stop it: the error says so, and stop is the first
+thing sent when it is connected again.
 
-Units: speeds in motor steps/s, positions in motor steps (counted on beyond the wire's 16 bits), readings in counts. Sensor
-order: see ``robot.infrared``; ground sensors left, centre, right.
+Units: speeds in motor steps/s, positions in motor steps (counted on beyond the wire's 16 bits),
+readings in counts. Sensor order: see ``robot.infrared``; ground sensors left, centre, right.
 
-Contract: one program thread per robot; the watchdog takes the same lock. ``capabilities`` says what a back-end can do, everything
-else raises NotSupported. Errors of the link are RobotErrors, no others.
+Contract: one program thread per robot; the watchdog takes the same lock. ``capabilities`` says what
+a back-end can do, everything else raises NotSupported. Errors of the link are RobotErrors, no
+others.
 """
 
 import math
@@ -33,18 +37,34 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
-from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, NotConnected, NotSupported, RobotError
+from workbench.robot.faults import (
+    BadReply,
+    LinkLost,
+    LinkTimeout,
+    NotConnected,
+    NotSupported,
+    RobotError,
+)
 from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS
 from workbench.robot.watchdog import Watchdog
 from workbench.robot.words import Words
 
 SENSORS = (
-    "proximity", "light", "floor", "motor_speed", "motor_position", "accelerometer", "selector", "battery", "microphone",
-)  # fmt: skip
+    "proximity",
+    "light",
+    "floor",
+    "motor_speed",
+    "motor_position",
+    "accelerometer",
+    "selector",
+    "battery",
+    "microphone",
+)
 DEVICES = ("drive", "motor_position", "calibrate", "led", "body_led", "front_led", "raw", "observe")
 WRAP = 1 << 16
 MAY_MOVE = "the robot may still be moving; stop is the first thing sent on reconnect"
-OVERSLEPT_S = 0.005  # s by which a period may begin late before that counts: what a busy computer's timer is off
+# s by which a period may begin late before that counts: what a busy computer's timer is off
+OVERSLEPT_S = 0.005
 WATCHDOG_S = 0.5  # s without a word from the program after which a moving robot is stopped
 
 
@@ -65,16 +85,27 @@ class Robot(Words):
     capabilities: frozenset[str] = frozenset()
     most_steps = MAX_STEPS
 
-    def __init__(self, *, period_s: float = CONTROL_PERIOD, watchdog_s: float | None = WATCHDOG_S, debug: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        period_s: float = CONTROL_PERIOD,
+        watchdog_s: float | None = WATCHDOG_S,
+        debug: bool = False,
+    ) -> None:
         if not 0 <= period_s <= 10:
             raise ValueError(f"period_s = {period_s!r}; expected 0 to 10 s")
         if watchdog_s is not None and not (period_s < watchdog_s < math.inf and watchdog_s > 0):
             raise ValueError(
-                f"watchdog_s = {watchdog_s!r} with period_s = {period_s!r}; expected more than a control period, or the watchdog "
+                f"watchdog_s = {watchdog_s!r} with period_s = {period_s!r}; expected more "
+                "than a control period, or the watchdog "
                 "stops the robot in every one; None switches it off"
             )
-        self.period_s, self.watchdog_s, self.debug = period_s, watchdog_s, debug
-        self.missed_deadlines, self.worst_latency_s, self.watchdog_stops = 0, 0.0, 0
+        self.period_s = period_s
+        self.watchdog_s = watchdog_s
+        self.debug = debug
+        self.missed_deadlines = 0
+        self.worst_latency_s = 0.0
+        self.watchdog_stops = 0
         self._enabled: list[str] = []
         self._read: dict[str, tuple[float, ...]] = {}
         self._speed = (0, 0)
@@ -115,7 +146,10 @@ class Robot(Words):
         with self._lock:
             if not self._connected:
                 self._open()
-                self._connected, self._speed, self._last_step, self._counted = True, (0, 0), None, None
+                self._connected = True
+                self._speed = (0, 0)
+                self._last_step = None
+                self._counted = None
                 self._first = None
                 self._read = {}
                 self._heard = time.monotonic()
@@ -130,9 +164,14 @@ class Robot(Words):
                     if "drive" in self.capabilities:
                         self._halt()
                 except RobotError as error:
-                    warnings.warn(f"stop could not be sent on closing: {error}; the robot may still be moving", stacklevel=2)
+                    warnings.warn(
+                        f"stop could not be sent on closing: {error}; the robot may still be "
+                        "moving",
+                        stacklevel=2,
+                    )
                 finally:
-                    self._connected, self._speed = False, (0, 0)
+                    self._connected = False
+                    self._speed = (0, 0)
                     self._close()
 
     def close(self) -> None:
@@ -147,7 +186,12 @@ class Robot(Words):
         self.connect()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.disconnect()
 
     # sensors
@@ -171,7 +215,8 @@ class Robot(Words):
         return list(self._enabled)
 
     def step(self) -> bool:
-        """Let one control period pass and read all enabled sensors; the first call reads at once. Returns True.
+        """Let one control period pass and read all enabled sensors; the first call reads at once.
+        Returns True.
 
         Raises:
             LinkTimeout, BadReply: twice in a row no usable reply; stop has been sent.
@@ -203,7 +248,9 @@ class Robot(Words):
 
     @property
     def time_s(self) -> float:
-        """When the sensors were last read, in s since the first time after connecting; the robot's own time if simulated."""
+        """When the sensors were last read, in s since the first time after connecting; the robot's
+        own time if simulated.
+        """
         return self._stamp - (self._first or 0.0)
 
     # acting
@@ -216,11 +263,17 @@ class Robot(Words):
         """
         speeds = []
         for name, value in (("left", left), ("right", right)):
-            number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+            number = (
+                isinstance(value, (int, float))
+                and not isinstance(value, bool)
+                and math.isfinite(value)
+            )
             if not number or value != int(value):
                 raise ValueError(f"{name} = {value!r}; expected a whole number of motor steps/s")
             if abs(value) > self.most_steps:
-                raise ValueError(f"{name} = {value!r}; expected -{self.most_steps} to {self.most_steps} steps/s")
+                raise ValueError(
+                    f"{name} = {value!r}; expected -{self.most_steps} to {self.most_steps} steps/s"
+                )
             speeds.append(int(value))
         self._require("drive")
         self._heard = time.monotonic()
@@ -232,7 +285,9 @@ class Robot(Words):
 
     @property
     def commanded(self) -> tuple[int, int]:
-        """The wheel speeds that were set last, in steps/s; zeros once the robot has been stopped."""
+        """The wheel speeds that were set last, in steps/s; zeros once the robot has been
+        stopped.
+        """
         return self._speed
 
     def get_sercom_version(self) -> str:
@@ -245,7 +300,10 @@ class Robot(Words):
         self._require()
         with self._lock:
             self._protected(self._reset)
-            self._speed, self._last_step, self._counted, self._read = (0, 0), None, None, {}
+            self._speed = (0, 0)
+            self._last_step = None
+            self._counted = None
+            self._read = {}
 
     def send_and_receive(self, message: str) -> str:
         """Send a raw command and return the reply, where the protocol has such.
@@ -255,7 +313,9 @@ class Robot(Words):
         """
         self._require("raw")
         if message.lstrip()[:1].upper() == "D":
-            raise ValueError(f"message = {message!r}; use set_motors_speed, which the watchdog knows of")
+            raise ValueError(
+                f"message = {message!r}; use set_motors_speed, which the watchdog knows of"
+            )
         with self._lock:
             answer: str = self._protected(lambda: self._raw(message))
             return answer
@@ -291,15 +351,22 @@ class Robot(Words):
     def _check_sensor(self, sensor: str) -> None:
         able = [name for name in SENSORS if name in self.capabilities]
         if sensor not in SENSORS:
-            raise ValueError(f"unknown sensor {sensor!r}; {type(self).__name__} has {', '.join(able)}")
+            raise ValueError(
+                f"unknown sensor {sensor!r}; {type(self).__name__} has {', '.join(able)}"
+            )
         if sensor not in able:
             raise NotSupported(f"{type(self).__name__} has no {sensor!r}; it has {', '.join(able)}")
 
     def _require(self, capability: str | None = None) -> None:
         if capability is not None and capability not in self.capabilities:
-            raise NotSupported(f"{type(self).__name__} cannot {capability!r}; it can {', '.join(sorted(self.capabilities))}")
+            raise NotSupported(
+                f"{type(self).__name__} cannot {capability!r}; it can "
+                f"{', '.join(sorted(self.capabilities))}"
+            )
         if not self._connected:
-            raise NotConnected(f"{type(self).__name__} is not connected; call connect(), or use it in a with block")
+            raise NotConnected(
+                f"{type(self).__name__} is not connected; call connect(), or use it in a with block"
+            )
 
     def reading(self, sensor: str) -> tuple[float, ...]:
         """Return what a sensor read at the last step, by its name."""
@@ -310,11 +377,15 @@ class Robot(Words):
         if sensor in SENSORS:
             self._check_sensor(sensor)
             if sensor not in self._enabled:
-                raise ValueError(f"{sensor!r} is not enabled; call enable({sensor!r}) and step() first")
+                raise ValueError(
+                    f"{sensor!r} is not enabled; call enable({sensor!r}) and step() first"
+                )
         raise ValueError(f"{sensor!r} has not been read yet; call step() first")
 
     def _guarded(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
-        """Read, once more if the first reply was no good; stop the robot if the second was not either."""
+        """Read, once more if the first reply was no good; stop the robot if the second was not
+        either.
+        """
         try:
             found = self._exchange(sensors)
         except (LinkTimeout, BadReply):
@@ -338,7 +409,11 @@ class Robot(Words):
                     self._halt()
                 error.add_note("stop has been sent")
             except RobotError as second:
-                sent = "was not confirmed" if isinstance(second, (LinkTimeout, BadReply)) else "could not be sent"
+                sent = (
+                    "was not confirmed"
+                    if isinstance(second, (LinkTimeout, BadReply))
+                    else "could not be sent"
+                )
                 error.add_note(f"stop {sent}: {MAY_MOVE}")
                 self._lost()
             raise
@@ -355,7 +430,8 @@ class Robot(Words):
             self._drive(0, 0)
 
     def _lost(self) -> None:
-        self._connected, self._speed = False, (0, 0)
+        self._connected = False
+        self._speed = (0, 0)
         self._close()
 
     def _count_on(self, wire: tuple[float, ...]) -> tuple[float, ...]:
@@ -365,11 +441,16 @@ class Robot(Words):
         else:
             a, b = self._counted
             half = WRAP // 2
-            self._counted = (a + (left - a + half) % WRAP - half, b + (right - b + half) % WRAP - half)
+            self._counted = (
+                a + (left - a + half) % WRAP - half,
+                b + (right - b + half) % WRAP - half,
+            )
         return (float(self._counted[0]), float(self._counted[1]))
 
     def _stop_silent(self) -> None:
-        """Stop a moving robot whose program has said nothing for too long (the watchdog's thread)."""
+        """Stop a moving robot whose program has said nothing for too long (the watchdog's
+        thread).
+        """
         if not self._silent():
             return
         with self._lock:

@@ -1,13 +1,16 @@
-"""What a robot with two driven wheels is, as one description: sizes, masses and motors. The defaults are the e-puck's.
+"""What a robot with two driven wheels is, as one description: sizes, masses and motors. The
+defaults are the e-puck's.
 
-A description is a JSON file with any of the fields of ``RobotConfig``; what it leaves out is as on the e-puck. Files stand in
-``data/robots/``; ``load_robot`` reads one of them by name, or any other by path.
+A description is a JSON file with any of the fields of ``RobotConfig``; what it leaves out is as on
+the e-puck. Files stand in ``data/robots/``; ``load_robot`` reads one of them by name, or any other
+by path.
 
 >>> round(RobotConfig().most_mps, 4), load_robot("epuck") == RobotConfig()
 (0.1288, True)
 
-Contract: SI units; x forward, y left, origin on the axle. A description is immutable. What depends on an e-puck's own parts
-(infrared response, marker, serial protocols) does not scale: other robots are sensed by their poses.
+Contract: SI units; x forward, y left, origin on the axle. A description is immutable. What depends
+on an e-puck's own parts (infrared response, marker, serial protocols) does not scale: other robots
+are sensed by their poses.
 """
 
 import json
@@ -24,7 +27,9 @@ from workbench.robot.geometry import MAX_STEPS, TICKS
 class RobotConfig:
     """Sizes, masses and motors of a robot with two driven wheels."""
 
-    body_radius_m: float = real(0.01, 1.0, "m", "radius of the body seen from above", default=g.BODY_RADIUS)
+    body_radius_m: float = real(
+        0.01, 1.0, "m", "radius of the body seen from above", default=g.BODY_RADIUS
+    )
     body_height_m: float = real(0.01, 3.0, "m", "height of the body", default=g.BODY_HEIGHT)
     mass_kg: float = real(0.01, 500.0, "kg", "mass, wheels included", default=g.BODY_MASS)
     inertia_kg_m2: tuple[float, float, float] = reals(
@@ -34,42 +39,61 @@ class RobotConfig:
     wheel_mass_kg: float = real(0.0005, 50.0, "kg", "mass of each wheel", default=g.WHEEL_MASS)
     track_m: float = real(0.01, 2.0, "m", "distance between the wheels", default=g.TRACK)
     steps_per_turn: int = integer(
-        1, 10**6, "", "motor steps in one turn of a wheel; commands are steps/s", default=g.STEPS_PER_TURN
+        1,
+        10**6,
+        "",
+        "motor steps in one turn of a wheel; commands are steps/s",
+        default=g.STEPS_PER_TURN,
     )
-    most_steps: int = integer(10, 30_000, "steps/s", "fastest command of a wheel", default=MAX_STEPS)
+    most_steps: int = integer(
+        10, 30_000, "steps/s", "fastest command of a wheel", default=MAX_STEPS
+    )
     timer_hz: int = integer(
         0,
         10**7,
         "Hz",
-        "a stepper driver's clock, whose whole ticks a step lasts; 0: every commanded speed is reached",
+        "a stepper driver's clock, whose whole ticks a step lasts; 0: every commanded speed "
+        "is reached",
         default=TICKS,
     )
-    slider_radius_m: float = real(0.001, 0.2, "m", "radius of the passive supports", default=g.SLIDER_RADIUS)
-    slider_x_m: float = real(0.005, 1.0, "m", "distance of the passive supports from the axle", default=g.SLIDER_X)
-    ground_x_m: float = real(0.0, 1.0, "m", "ground sensors in front of the axle", default=g.GROUND_SENSOR_X)
-    ground_y_m: float = real(0.001, 0.5, "m", "outer ground sensors from the middle", default=g.GROUND_SENSOR_Y[0])
+    slider_radius_m: float = real(
+        0.001, 0.2, "m", "radius of the passive supports", default=g.SLIDER_RADIUS
+    )
+    slider_x_m: float = real(
+        0.005, 1.0, "m", "distance of the passive supports from the axle", default=g.SLIDER_X
+    )
+    ground_x_m: float = real(
+        0.0, 1.0, "m", "ground sensors in front of the axle", default=g.GROUND_SENSOR_X
+    )
+    ground_y_m: float = real(
+        0.001, 0.5, "m", "outer ground sensors from the middle", default=g.GROUND_SENSOR_Y[0]
+    )
 
     def _check(self) -> None:
         if self.track_m / 2 > self.body_radius_m:
             raise ValueError(
-                f"RobotConfig.track_m = {self.track_m!r} with body_radius_m = {self.body_radius_m!r}; expected wheels within "
+                f"RobotConfig.track_m = {self.track_m!r} with body_radius_m = "
+                f"{self.body_radius_m!r}; expected wheels within "
                 "the body: a smaller track or a larger body"
             )
         if 0 < self.timer_hz < self.most_steps:
             raise ValueError(
-                f"RobotConfig.most_steps = {self.most_steps!r} with timer_hz = {self.timer_hz!r}; a step lasts at least one "
+                f"RobotConfig.most_steps = {self.most_steps!r} with timer_hz = "
+                f"{self.timer_hz!r}; a step lasts at least one "
                 "tick: expected a faster timer, or 0 for motors that reach every commanded speed"
             )
         if 2 * self.wheel_mass_kg >= self.mass_kg:
             raise ValueError(
-                f"RobotConfig.wheel_mass_kg = {self.wheel_mass_kg!r} with mass_kg = {self.mass_kg!r}; expected less than half "
+                f"RobotConfig.wheel_mass_kg = {self.wheel_mass_kg!r} with mass_kg = "
+                f"{self.mass_kg!r}; expected less than half "
                 "of it: the mass has both wheels in it"
             )
 
         smallest, middle, largest = sorted(self.inertia_kg_m2)
         if smallest + middle < largest * (1 - 1e-9):
             raise ValueError(
-                f"RobotConfig.inertia_kg_m2 = {self.inertia_kg_m2!r}; no body has a moment larger than the sum of the other two: "
+                f"RobotConfig.inertia_kg_m2 = {self.inertia_kg_m2!r}; no body has a moment "
+                "larger than the sum of the other two: "
                 "expected each at most that"
             )
 
@@ -100,7 +124,9 @@ class RobotConfig:
             ValueError: the speed is not finite or beyond the motors.
         """
         if not math.isfinite(speed_mps) or abs(speed_mps) > self.most_mps * (1 + 1e-9):
-            raise ValueError(f"speed {speed_mps!r} m/s; this robot's wheels do at most {self.most_mps:.4f} m/s")
+            raise ValueError(
+                f"speed {speed_mps!r} m/s; this robot's wheels do at most {self.most_mps:.4f} m/s"
+            )
         return round(speed_mps / self.step_m)
 
 
@@ -119,13 +145,17 @@ def load_robot(name: str | Path) -> RobotConfig:
     path = Path(name) if str(name).endswith(".json") else folder / f"{name}.json"
     if not path.is_file():
         known = ", ".join(sorted(file.stem for file in folder.glob("*.json")))
-        raise FileNotFoundError(f"{path} does not exist; expected a path that ends in .json, or one of: {known}")
+        raise FileNotFoundError(
+            f"{path} does not exist; expected a path that ends in .json, or one of: {known}"
+        )
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path} is no JSON: {error}") from None
     if not isinstance(given, dict):
-        raise ValueError(f"{path} holds a {type(given).__name__}; expected an object with fields of RobotConfig")
+        raise ValueError(
+            f"{path} holds a {type(given).__name__}; expected an object with fields of RobotConfig"
+        )
     given.pop("source", None)  # what a reader should know of the numbers
     try:
         return fields.from_dict(RobotConfig, given)

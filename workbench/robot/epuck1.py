@@ -3,10 +3,12 @@
     with SerComRobot("/dev/rfcomm0") as robot: ...
     with SerComRobot("/dev/ttyS0", variant="overo", binary=True) as robot: ...
 
-Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop. What came too
-late for an earlier request is dropped. On the Overo the ground sensors are on a bus of Linux and not here.
+Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop.
+What came too late for an earlier request is dropped. On the Overo the ground sensors are on a bus
+of Linux and not here.
 
-Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (4 s) and reset (2 s).
+Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (4 s)
+and reset (2 s).
 """
 
 import time
@@ -26,7 +28,9 @@ from workbench.robot.sercom import (
     check_counts,
 )
 
-CALIBRATION_S, RESET_S, QUIET_S = 4.0, 2.0, 0.05
+CALIBRATION_S = 4.0
+RESET_S = 2.0
+QUIET_S = 0.05
 
 
 class SerComRobot(Robot):
@@ -59,9 +63,20 @@ class SerComRobot(Robot):
         super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug)
         if variant not in VARIANTS:
             raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
-        self.address, self.variant, self.binary = address, VARIANTS[variant], binary
-        self.baud, self.timeout_s = baud or self.variant.baud, timeout_s
-        able = {"proximity", "light", "motor_speed", "motor_position", "accelerometer", "selector", "battery"}
+        self.address = address
+        self.variant = VARIANTS[variant]
+        self.binary = binary
+        self.baud = baud or self.variant.baud
+        self.timeout_s = timeout_s
+        able = {
+            "proximity",
+            "light",
+            "motor_speed",
+            "motor_position",
+            "accelerometer",
+            "selector",
+            "battery",
+        }
         able |= {"drive", "calibrate", "led", "raw", "microphone"}
         able |= {"floor"} if self.variant.floor_ascii else set()
         able |= {"body_led", "front_led"} if self.variant.lights else set()
@@ -71,7 +86,11 @@ class SerComRobot(Robot):
     def _open(self) -> None:
         self._link = SerialLink(self.address, self.baud, timeout_s=self.timeout_s)
         try:
-            for start in (b"\x00", b"\r", b"\r"):  # again after a line that was noise while the port opened, or lost a byte
+            for start in (
+                b"\x00",
+                b"\r",
+                b"\r",
+            ):  # again after a line that was noise while the port opened, or lost a byte
                 self._link.write(start + ascii_request("D", 0, 0))
                 try:
                     told = self._ask("E", counts=(2,))
@@ -121,7 +140,9 @@ class SerComRobot(Robot):
         return ascii_numbers(line, letter.lower(), counts)
 
     def _read_reply(self, link: SerialLink, letter: str, timeout_s: float) -> bytes:
-        """Return the line that begins with a letter; lines before it answer requests that were given up."""
+        """Return the line that begins with a letter; lines before it answer requests that were
+        given up.
+        """
         deadline = time.monotonic() + timeout_s
         other = None
         while True:
@@ -138,8 +159,12 @@ class SerComRobot(Robot):
             other = line
 
     def _drive(self, left: int, right: int) -> None:
-        if self.binary:  # D has no reply of its own: the echo of E behind it confirms that it was heard
-            told = binary_numbers(self._say(binary_request(("D", left, right), ("E",))).read(4), "h")
+        if (
+            self.binary
+        ):  # D has no reply of its own: the echo of E behind it confirms that it was heard
+            told = binary_numbers(
+                self._say(binary_request(("D", left, right), ("E",))).read(4), "h"
+            )
             if told != (left, right):
                 raise BadReply(f"speeds {(left, right)} were sent, {told} came back")
         else:
@@ -156,13 +181,16 @@ class SerComRobot(Robot):
         found: dict[str, tuple[float, ...]] = {}
         chained = [sensor for sensor in sensors if sensor in READS] if self.binary else []
         if chained:
-            # the echo of E behind the readings tells replies that have slipped, such as the late half of an earlier one
+            # the echo of E behind the readings tells replies that have slipped, such as the late
+            # half of an earlier one
             link = self._say(binary_request(*((READS[sensor][0],) for sensor in chained), ("E",)))
             sizes = [2 * self._count(sensor, binary=True)[0] for sensor in chained]
             data = link.read(sum(sizes) + 4)
             told = binary_numbers(data[-4:], "h")
             if told != self._speed:
-                raise BadReply(f"speeds {self._speed} are set, {told} came back behind the readings")
+                raise BadReply(
+                    f"speeds {self._speed} are set, {told} came back behind the readings"
+                )
             for sensor, size in zip(chained, sizes, strict=True):
                 found[sensor] = self._accept(sensor, binary_numbers(data[:size], READS[sensor][2]))
                 data = data[size:]

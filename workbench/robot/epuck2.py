@@ -1,7 +1,7 @@
 """A real e-puck2 over WiFi: 21 bytes of commands, 1 + 104 bytes of sensors, on TCP port 1000.
 
-Offsets: GCtronic's e-puck2 firmware and its clients. Every packet that asks for sensors also carries the wheel speeds, so that a
-read never leaves them behind. The motors do up to 1100 steps/s.
+Offsets: GCtronic's e-puck2 firmware and its clients. Every packet that asks for sensors also
+carries the wheel speeds, so that a read never leaves them behind. The motors do up to 1100 steps/s.
 
 >>> len(command(300, -300, sensors=True)), command(300, -300, sensors=True)[:7].hex()
 (21, '8002002c01d4fe')
@@ -18,19 +18,46 @@ from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS_EPUCK2
 from workbench.robot.links import TcpLink
 from workbench.robot.sercom import check_counts
 
-COMMAND, SENSORS_PACKET, EMPTY_PACKET, IMAGE_PACKET = 0x80, 0x02, 0x03, 0x01
-COMMAND_BYTES, SENSOR_BYTES, IMAGE_BYTES = 21, 104, 38400
+COMMAND = 0x80
+SENSORS_PACKET = 0x02
+EMPTY_PACKET = 0x03
+IMAGE_PACKET = 0x01
+COMMAND_BYTES = 21
+SENSOR_BYTES = 104
+IMAGE_BYTES = 38400
 SOUND_STOP = 0x20
 PLACES = {  # sensor: offset in the sensor bytes, struct code
-    "accelerometer": (0, "<3h"), "proximity": (37, "<8H"), "light": (53, "<8H"), "microphone": (71, "<4H"),
-    "motor_position": (79, "<2h"), "battery": (83, "<H"), "selector": (89, "<B"), "floor": (90, "<3H"),
-}  # fmt: skip
+    "accelerometer": (0, "<3h"),
+    "proximity": (37, "<8H"),
+    "light": (53, "<8H"),
+    "microphone": (71, "<4H"),
+    "motor_position": (79, "<2h"),
+    "battery": (83, "<H"),
+    "selector": (89, "<B"),
+    "floor": (90, "<3H"),
+}
 
 
-def command(left: int, right: int, *, sensors: bool, calibrate: bool = False, position: bool = False, leds: int = 0) -> bytes:
-    """Return a command packet: speeds in steps/s, or with ``position`` the step counters; leds: a bit for each light."""
+def command(
+    left: int,
+    right: int,
+    *,
+    sensors: bool,
+    calibrate: bool = False,
+    position: bool = False,
+    leds: int = 0,
+) -> bytes:
+    """Return a command packet: speeds in steps/s, or with ``position`` the step counters; leds: a
+    bit for each light.
+    """
     head = struct.pack(
-        "<BBBhhB", COMMAND, 0b10 if sensors else 0, (1 if calibrate else 0) | (4 if position else 0), left, right, leds
+        "<BBBhhB",
+        COMMAND,
+        0b10 if sensors else 0,
+        (1 if calibrate else 0) | (4 if position else 0),
+        left,
+        right,
+        leds,
     )
     return head + bytes(12) + bytes([SOUND_STOP])
 
@@ -64,7 +91,8 @@ class EPuck2Robot(Robot):
     """
 
     capabilities = frozenset(PLACES) | {"motor_speed", "drive", "calibrate", "led"}
-    most_steps, most_counts = MAX_STEPS_EPUCK2, 2**15 - 1
+    most_steps = MAX_STEPS_EPUCK2
+    most_counts = 2**15 - 1
 
     def __init__(
         self,
@@ -79,7 +107,9 @@ class EPuck2Robot(Robot):
         host, _, port = address.partition(":")
         if not host or (port and not port.isdigit()) or int(port or 1000) > 65535:
             raise ValueError(f"address = {address!r}; expected HOST or HOST:PORT")
-        self.host, self.port, self.timeout_s = host, int(port or 1000), timeout_s
+        self.host = host
+        self.port = int(port or 1000)
+        self.timeout_s = timeout_s
         self._link: TcpLink | None = None
         self._leds = 0
 
@@ -128,10 +158,16 @@ class EPuck2Robot(Robot):
         elif device == "led":
             led, value = values
             bits = 1 << led if 0 <= led < 8 else 0xFF
-            self._leds = self._leds ^ bits if value == 2 else (self._leds | bits if value else self._leds & ~bits)
+            self._leds = (
+                self._leds ^ bits
+                if value == 2
+                else (self._leds | bits if value else self._leds & ~bits)
+            )
             self._drive(*self._speed)
         else:
-            self._converse(command(*self._speed, sensors=False, calibrate=True, leds=self._leds), 4.0)
+            self._converse(
+                command(*self._speed, sensors=False, calibrate=True, leds=self._leds), 4.0
+            )
 
     def _version(self) -> str:
         return f"e-puck2 at {self.host}:{self.port}"

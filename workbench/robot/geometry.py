@@ -1,8 +1,10 @@
-"""What an e-puck is: lengths, masses and places of its parts. SI units; x forward, y left, z up, origin on the axle.
+"""What an e-puck is: lengths, masses and places of its parts. SI units; x forward, y left, z up,
+origin on the axle.
 
-Sources: [1] e-puck.org mechanics and electronics pages; [2] Webots E-puck.proto and E-puckGroundSensors.proto
-(cyberbotics/webots); [3] FARSA e-puck model; [4] gctronic/e-puck-library, e_motors.c. Where sources disagree, the value
-measured on real robots is taken and the others are named.
+Sources: [1] e-puck.org mechanics and electronics pages; [2] Webots E-puck.proto and
+E-puckGroundSensors.proto (cyberbotics/webots); [3] FARSA e-puck model; [4] gctronic/e-puck-library,
+e_motors.c. Where sources disagree, the value measured on real robots is taken and the others are
+named.
 """
 
 import math
@@ -25,6 +27,12 @@ SLIDER_RADIUS = 0.005  # m, passive support spheres in front and behind [3]
 SLIDER_X = 0.0225  # m, their distance from the axle [3]
 
 GROUND_SENSOR_X = 0.030  # m in front of the axle [2]
-GROUND_SENSOR_Y = (0.010, 0.0, -0.010)  # m, left, centre, right [2]; FARSA's ±21.5 mm do not fit real crossings
+GROUND_SENSOR_Y = (
+    0.010,
+    0.0,
+    -0.010,
+)  # m, left, centre, right [2]; FARSA's ±21.5 mm do not fit real crossings
 
-CONTROL_PERIOD = 0.1  # s between two commands of the control program: our choice, the paper gives none
+CONTROL_PERIOD = (
+    0.1  # s between two commands of the control program: our choice, the paper gives none
+)

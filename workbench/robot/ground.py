@@ -1,12 +1,15 @@
-"""The three ground sensors: infrared reflexes from the floor, about 950 counts on white and 250 to 490 on black.
+"""The three ground sensors: infrared reflexes from the floor, about 950 counts on white and 250 to
+490 on black.
 
-Values from real e-puck2 ground modules over bars: white 930 to 965; the lowest reading of each sensor, left/centre/right, is
-338/287/367 (a), 485/353/412 (b) and 247/271/299 (c); noise about 1.5 counts (standard deviation). ``validate infrared`` finds
-module b in three recordings (github Wii42/Robotics_Project); no recording at hand shows a or c. The response between white and
-black is taken as linear in the dark share of the sensor's spot: our assumption. Places: see ``robot.geometry``, 10 mm apart.
+Values from real e-puck2 ground modules over bars: white 930 to 965; the lowest reading of each
+sensor, left/centre/right, is 338/287/367 (a), 485/353/412 (b) and 247/271/299 (c); noise about 1.5
+counts (standard deviation). ``validate infrared`` finds module b in three recordings (github
+Wii42/Robotics_Project); no recording at hand shows a or c. The response between white and black is
+taken as linear in the dark share of the sensor's spot: our assumption. Places: see
+``robot.geometry``, 10 mm apart.
 
-A robot knows its own black and white only if it has calibrated: ``extremes`` keeps the highest and the lowest reading of a
-drive or a turn over the line.
+A robot knows its own black and white only if it has calibrated: ``extremes`` keeps the highest and
+the lowest reading of a drive or a turn over the line.
 
 >>> float(round(ground_reading(1.0, 948.0, 338.0, 0.0)))
 338.0
@@ -22,7 +25,11 @@ from numpy.typing import NDArray
 from workbench.compiled import compiled
 
 WHITE = (948.0, 948.0, 948.0)  # counts, left, centre, right
-MODULES = {"a": (338.0, 287.0, 367.0), "b": (485.0, 353.0, 412.0), "c": (247.0, 271.0, 299.0)}  # counts on black
+MODULES = {
+    "a": (338.0, 287.0, 367.0),
+    "b": (485.0, 353.0, 412.0),
+    "c": (247.0, 271.0, 299.0),
+}  # counts on black
 NOISE = 1.5  # counts, standard deviation per reading
 SPOT = 0.003  # m, radius of the floor spot that a sensor sees: our assumption
 CONTRAST = 100.0  # counts between white and black below which a calibration is worthless
@@ -49,8 +56,11 @@ def darkness(counts: float, white: float, black: float) -> float:
     return min(max(share, 0.0), 1.0)
 
 
-def extremes(readings: Iterable[Sequence[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return white (3,) and black (3,) of a robot's own sensors from readings over both, left, centre, right.
+def extremes(
+    readings: Iterable[Sequence[float]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return white (3,) and black (3,) of a robot's own sensors from readings over both, left,
+    centre, right.
 
     Raises:
         ValueError: a sensor has not seen both.
@@ -58,10 +68,12 @@ def extremes(readings: Iterable[Sequence[float]]) -> tuple[NDArray[np.float64], 
     seen = np.array(list(readings), dtype=np.float64)
     if seen.ndim != 2 or seen.shape[1] != 3:
         raise ValueError(f"readings have shape {seen.shape}; expected (n, 3): left, centre, right")
-    white, black = seen.max(axis=0), seen.min(axis=0)
+    white = seen.max(axis=0)
+    black = seen.min(axis=0)
     if not np.all(white - black >= CONTRAST):
         raise ValueError(
-            f"readings range from {black.tolist()} to {white.tolist()}; expected at least {CONTRAST:g} counts of contrast under "
+            f"readings range from {black.tolist()} to {white.tolist()}; expected at least "
+            f"{CONTRAST:g} counts of contrast under "
             "every sensor: turn the robot on the spot over the line while it reads"
         )
     return white, black

@@ -1,25 +1,29 @@
 """The e-puck's eight infrared proximity sensors: what they read of the light that comes back.
 
-A sensor lights a wide lobe in front of it and measures how much returns. Per ray at an angle φ off the axis that meets a surface
-at a distance d under an angle of incidence θ, Lambert's law gives a share cos θ / d² of what the ray carries:
+A sensor lights a wide lobe in front of it and measures how much returns. Per ray at an angle φ off
+the axis that meets a surface at a distance d under an angle of incidence θ, Lambert's law gives a
+share cos θ / d² of what the ray carries:
 
-    light = A ρ Σ_j w(φ_j) cos θ_j / (d_j + d₀)²         w(φ) ∝ cos⁴ φ, a ray every 5° from -60° to 60°
-    lit   = x / (1 + (x / S)⁴)^¼ with x = gain · light    S = 3800 counts in contact, less under ambient light
-    raw   = offset + lit + noise, 12 bits                 calibrated = max(0, raw - mean of 100 readings in free air)
+    light = A ρ Σ_j w(φ_j) cos θ_j / (d_j + d₀)²   w(φ) ∝ cos⁴ φ, a ray every 5° from -60° to 60°
+    lit   = x / (1 + (x / S)⁴)^¼, x = gain · light  S = 3800 counts in contact, less in daylight
+    raw   = offset + lit + noise, 12 bits           calibrated = max(0, raw - mean of 100 readings
+                                                    in free air)
 
-Sources and freedom. Bearings: box sweep with a real e-puck1 (github clamesc/ePuck-Box-Pushing): 17/49/90/150°. The lobe's
-exponent, d₀ and the ring's radius were chosen to follow that sweep (``python -m workbench validate infrared``); A lies between
-published 1.5 and 5.2·10⁵ counts mm² (GCtronic's ROS driver 2.5, Enki 2.3). S: 3751 to 3896 counts per sensor in the sweep. Noise:
-robust spread of a moving e-puck2 (github Wii42/Robotics_Project): 6 counts below 200, 17 to 21 to 800, about 220 above; one
-smooth curve through these overstates it between 500 and 800 counts, up to threefold. Sampling:
-gctronic/e-puck-library: sensor pairs (0,4) (1,5) (2,6) (3,7) in turn, 3.967 ms each, so that ps7 is 11.9 ms younger than ps0.
-Reflectances of shell, cup and tape, the beacon and ambient light are nobody's measurement: assumptions, see TARGETS.
+Sources and freedom. Bearings: box sweep with a real e-puck1 (github clamesc/ePuck-Box-Pushing):
+17/49/90/150°. The lobe's exponent, d₀ and the ring's radius were chosen to follow that sweep
+(``python -m workbench validate infrared``); A lies between published 1.5 and 5.2·10⁵ counts mm²
+(GCtronic's ROS driver 2.5, Enki 2.3). S: 3751 to 3896 counts per sensor in the sweep. Noise: robust
+spread of a moving e-puck2 (github Wii42/Robotics_Project): 6 counts below 200, 17 to 21 to 800,
+about 220 above; one smooth curve through these overstates it between 500 and 800 counts, up to
+threefold. Sampling: gctronic/e-puck-library: sensor pairs (0,4) (1,5) (2,6) (3,7) in turn, 3.967 ms
+each, so that ps7 is 11.9 ms younger than ps0. Reflectances of shell, cup and tape, the beacon and
+ambient light are nobody's measurement: assumptions, see TARGETS.
 
 >>> [round(v) for v in front_pair(0.105, 0.0, InfraredConfig())]
 [53, 53]
 
-Contract: compiled functions write nothing; lengths in m, angles in rad (left positive), readings in counts. ps0 … ps7 run
-clockwise from right front to left front.
+Contract: compiled functions write nothing; lengths in m, angles in rad (left positive), readings in
+counts. ps0 … ps7 run clockwise from right front to left front.
 """
 
 import math
@@ -33,7 +37,9 @@ from workbench.fields import choice, configuration, flag, integer, real, reals
 from workbench.robot.geometry import BODY_RADIUS
 
 SENSORS = 8
-BEARINGS = np.radians([-17.0, -49.0, -90.0, -150.0, 150.0, 90.0, 49.0, 17.0])  # rad, ps0 … ps7: real sweep, ±2°
+BEARINGS = np.radians(
+    [-17.0, -49.0, -90.0, -150.0, 150.0, 90.0, 49.0, 17.0]
+)  # rad, ps0 … ps7: real sweep, ±2°
 RING = 0.0345  # m from the axle's middle; Player 35 mm, Webots 31.6 mm
 SCALE = 0.30  # counts m²: A
 CLOSEST = 0.0018  # m: d₀, what a ray travels inside the sensor
@@ -49,19 +55,27 @@ CYCLE = 4 * SLOT  # s between two samples of one sensor: 63 Hz
 CALIBRATION = 100  # readings
 
 _ANGLES = np.radians(np.linspace(-60.0, 60.0, 25))
-_RAY_C, _RAY_S = np.cos(_ANGLES), np.sin(_ANGLES)
+_RAY_C = np.cos(_ANGLES)
+_RAY_S = np.sin(_ANGLES)
 _RAY_W = _RAY_C**4 / np.sum(_RAY_C**4)
-_AXIS_C, _AXIS_S = np.cos(BEARINGS), np.sin(BEARINGS)
+_AXIS_C = np.cos(BEARINGS)
+_AXIS_S = np.sin(BEARINGS)
 
-# round targets of a robot's size read 0.4 to 0.55 of a wall at the same distance (public measurements at 19 mm). Rays that miss
-# and slanting incidence explain 0.82; the rest, light that leaves upwards and downwards perhaps, is this factor
+# round targets of a robot's size read 0.4 to 0.55 of a wall at the same distance (public
+# measurements at 19 mm). Rays that miss and slanting incidence explain 0.82; the rest, light that
+# leaves upwards and downwards perhaps, is this factor
 ROUND = 0.62
-# what a robot in front shows to infrared light: radius in m, reflectance (white paper = 1), range that the assumption may lie in
+# what a robot in front shows to infrared light: radius in m, reflectance (white paper = 1), range
+# that the assumption may lie in
 TARGETS = {
     "cup": (0.037, 1.0, (0.8, 1.2)),  # white paper cup over the robot, as in the paper's Fig. 5
     "shell": (BODY_RADIUS, 0.5, (0.3, 0.8)),  # bare: translucent plastic, wheels, circuit board
     "tape": (BODY_RADIUS, 0.9, (0.6, 1.1)),  # white tape round the shell
-    "beacon": (BODY_RADIUS, 10.0, (3.0, 30.0)),  # emits: strength against A; seen by the lit channel if pulsed with it
+    "beacon": (
+        BODY_RADIUS,
+        10.0,
+        (3.0, 30.0),
+    ),  # emits: strength against A; seen by the lit channel if pulsed with it
 }
 WARPS = ("none", "logarithmic", "offset", "saturating")
 
@@ -70,28 +84,52 @@ WARPS = ("none", "logarithmic", "offset", "saturating")
 class InfraredConfig:
     """Sensors that differ from robot to robot, and what they look at."""
 
-    target: str = choice(tuple(TARGETS), "what every robot shows to the sensors behind it", default="cup")
-    brightness: float = real(0.05, 20.0, "", "factor on the target's reflectance or emission", default=1.0)
-    gain_spread: float = real(0.0, 1.0, "", "standard deviation of the logarithm of each sensor's gain", default=0.15)
+    target: str = choice(
+        tuple(TARGETS), "what every robot shows to the sensors behind it", default="cup"
+    )
+    brightness: float = real(
+        0.05, 20.0, "", "factor on the target's reflectance or emission", default=1.0
+    )
+    gain_spread: float = real(
+        0.0, 1.0, "", "standard deviation of the logarithm of each sensor's gain", default=0.15
+    )
     offset_counts: tuple[float, float] = reals(
         0.0, 700.0, "counts", "range of each sensor's reading in free air", default=(70, 170)
     )
-    calibrated: bool = flag("whether every robot calibrates its offsets before it starts", default=True)
+    calibrated: bool = flag(
+        "whether every robot calibrates its offsets before it starts", default=True
+    )
     noise: float = real(0.0, 20.0, "", "factor on the measured noise", default=1.0)
-    samples: int = integer(1, 64, "", "firmware samples that are averaged for one control step; 63 come in a second", default=6)
-    ambient_counts: float = real(0.0, 4000.0, "counts", "what light from one side takes from a sensor that faces it", default=0.0)
+    samples: int = integer(
+        1,
+        64,
+        "",
+        "firmware samples that are averaged for one control step; 63 come in a second",
+        default=6,
+    )
+    ambient_counts: float = real(
+        0.0,
+        4000.0,
+        "counts",
+        "what light from one side takes from a sensor that faces it",
+        default=0.0,
+    )
     ambient_direction_rad: float = real(
         -math.pi, math.pi, "rad", "where that light comes from, in the arena's frame", default=0.0
     )
     warp: str = choice(
         WARPS,
-        "monotone distortion of the readings that ir-raw tiles and rewards; bounds and reset go by undistorted ones",
+        "monotone distortion of the readings that ir-raw tiles and rewards; bounds and reset "
+        "go by undistorted ones",
         default="none",
     )
 
     def _check(self) -> None:
         if self.offset_counts[0] > self.offset_counts[1]:
-            raise ValueError(f"InfraredConfig.offset_counts = {self.offset_counts!r}; expected (low, high) with low <= high")
+            raise ValueError(
+                f"InfraredConfig.offset_counts = {self.offset_counts!r}; expected (low, high) "
+                "with low <= high"
+            )
 
     @property
     def age_s(self) -> float:
@@ -106,14 +144,20 @@ class InfraredConfig:
 
 @compiled
 def ray_share(distance: float, incidence: float) -> float:
-    """Return what one ray brings back, in 1/m², from a distance in m under a cosine of incidence."""
+    """Return what one ray brings back, in 1/m², from a distance in m under a cosine of
+    incidence.
+    """
     length = distance + CLOSEST
     return incidence / (length * length)
 
 
 @compiled
-def _within_lobe(px: float, py: float, ac: float, as_: float, cx: Any, cy: Any, count: int, radius: float) -> bool:
-    """Return whether any of the circles reaches into the half plane in front of a sensor; a cheap first look."""
+def _within_lobe(
+    px: float, py: float, ac: float, as_: float, cx: Any, cy: Any, count: int, radius: float
+) -> bool:
+    """Return whether any of the circles reaches into the half plane in front of a sensor; a cheap
+    first look.
+    """
     for j in range(count):
         if (cx[j] - px) * ac + (cy[j] - py) * as_ > -radius:
             return True
@@ -122,17 +166,32 @@ def _within_lobe(px: float, py: float, ac: float, as_: float, cx: Any, cy: Any, 
 
 @compiled
 def circles_light(
-    k: int, x: float, y: float, c: float, s: float, cx: Any, cy: Any, count: int, radius: float, strength: float, beacon: int
+    k: int,
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+    cx: Any,
+    cy: Any,
+    count: int,
+    radius: float,
+    strength: float,
+    beacon: int,
 ) -> float:
-    """Return the light that sensor k of a robot at x, y (heading c, s) gets from upright cylinders, in counts.
+    """Return the light that sensor k of a robot at x, y (heading c, s) gets from upright cylinders,
+    in counts.
 
     Args:
-        cx, cy, count: centres in m, the first ``count`` of them; the nearer one hides the farther one, ray by ray.
+        cx, cy, count: centres in m, the first ``count`` of them; the nearer one hides the farther
+            one, ray by ray.
         radius, strength: of all cylinders, in m and relative to white paper (or of the emission).
         beacon: 1 where cylinders emit: one way, through the sensor's own lobe of half the exponent.
     """
     ac, as_ = c * _AXIS_C[k] - s * _AXIS_S[k], s * _AXIS_C[k] + c * _AXIS_S[k]
-    px, py = x + RING * (c * _AXIS_C[k] - s * _AXIS_S[k]), y + RING * (s * _AXIS_C[k] + c * _AXIS_S[k])
+    px, py = (
+        x + RING * (c * _AXIS_C[k] - s * _AXIS_S[k]),
+        y + RING * (s * _AXIS_C[k] + c * _AXIS_S[k]),
+    )
     total = 0.0
     if beacon:
         for j in range(count):
@@ -146,7 +205,8 @@ def circles_light(
         return 0.0
     for ray in range(_RAY_W.size):
         rx, ry = ac * _RAY_C[ray] - as_ * _RAY_S[ray], as_ * _RAY_C[ray] + ac * _RAY_S[ray]
-        nearest, incidence = RANGE, 0.0
+        nearest = RANGE
+        incidence = 0.0
         for j in range(count):
             dx, dy = cx[j] - px, cy[j] - py
             along = rx * dx + ry * dy
@@ -155,23 +215,32 @@ def circles_light(
                 continue
             half = math.sqrt(inside)
             if along - half < nearest:
-                nearest, incidence = max(along - half, 0.0), half / radius
+                nearest = max(along - half, 0.0)
+                incidence = half / radius
         if incidence > 0.0:
             total += _RAY_W[ray] * ray_share(nearest, incidence)
     return SCALE * strength * total
 
 
 @compiled
-def headroom(k: int, c: float, s: float, ambient: float, ambient_c: float, ambient_s: float) -> float:
-    """Return the counts that light from direction ambient_c, ambient_s leaves to sensor k of a robot with heading c, s."""
-    facing = (c * _AXIS_C[k] - s * _AXIS_S[k]) * ambient_c + (s * _AXIS_C[k] + c * _AXIS_S[k]) * ambient_s
+def headroom(
+    k: int, c: float, s: float, ambient: float, ambient_c: float, ambient_s: float
+) -> float:
+    """Return the counts that light from direction ambient_c, ambient_s leaves to sensor k of a
+    robot with heading c, s.
+    """
+    facing = (c * _AXIS_C[k] - s * _AXIS_S[k]) * ambient_c + (
+        s * _AXIS_C[k] + c * _AXIS_S[k]
+    ) * ambient_s
     left: float = max(DARK - ambient * max(facing, DIFFUSE), 0.0)
     return left
 
 
 @compiled
 def noise_sd(lit: float) -> float:
-    """Return the standard deviation of one sample in counts: 6 far off, 20 at 400, about 210 at 1800."""
+    """Return the standard deviation of one sample in counts: 6 far off, 20 at 400, about 210 at
+    1800.
+    """
     growing = 1.32e-3 * lit**1.6
     return math.sqrt(36.0 + growing * growing)
 
@@ -188,7 +257,9 @@ def saturate(light: float, most: float) -> float:
 
 
 @compiled
-def raw_reading(light: float, gain: float, offset: float, left: float, z: float, spread: float) -> float:
+def raw_reading(
+    light: float, gain: float, offset: float, left: float, z: float, spread: float
+) -> float:
     """Return an averaged reading in whole counts.
 
     Args:
@@ -213,38 +284,64 @@ def warped(reading: float, warp: int) -> float:
 
 
 def wall_rays() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the angles in rad of a sensor's rays off its axis, and their weights, which sum to one."""
+    """Return the angles in rad of a sensor's rays off its axis, and their weights, which sum to
+    one.
+    """
     return _ANGLES.copy(), _RAY_W.copy()
 
 
 def strength_of(config: InfraredConfig) -> tuple[float, float, int]:
-    """Return radius in m, strength relative to white paper, and whether it emits (1), of what is looked at."""
+    """Return radius in m, strength relative to white paper, and whether it emits (1), of what is
+    looked at.
+    """
     radius, strength, _ = TARGETS[config.target]
     beacon = config.target == "beacon"
     return radius, strength * config.brightness * (1.0 if beacon else ROUND), int(beacon)
 
 
-def mean_light(distance_m: float, bearing_rad: float, config: InfraredConfig) -> NDArray[np.float64]:
-    """Return the light at all eight sensors, (8,) in counts, of one target at a distance between centres and a bearing."""
+def mean_light(
+    distance_m: float, bearing_rad: float, config: InfraredConfig
+) -> NDArray[np.float64]:
+    """Return the light at all eight sensors, (8,) in counts, of one target at a distance between
+    centres and a bearing.
+    """
     radius, strength, beacon = strength_of(config)
-    cx, cy = np.array([distance_m * math.cos(bearing_rad)]), np.array([distance_m * math.sin(bearing_rad)])
-    return np.array([circles_light(k, 0.0, 0.0, 1.0, 0.0, cx, cy, 1, radius, strength, beacon) for k in range(SENSORS)])
+    cx, cy = (
+        np.array([distance_m * math.cos(bearing_rad)]),
+        np.array([distance_m * math.sin(bearing_rad)]),
+    )
+    return np.array(
+        [
+            circles_light(k, 0.0, 0.0, 1.0, 0.0, cx, cy, 1, radius, strength, beacon)
+            for k in range(SENSORS)
+        ]
+    )
 
 
-def front_pair(distance_m: float, bearing_rad: float, config: InfraredConfig) -> tuple[float, float]:
-    """Return what the left and the right front sensor (ps7, ps0) of a matched, calibrated robot read on average, in counts."""
+def front_pair(
+    distance_m: float, bearing_rad: float, config: InfraredConfig
+) -> tuple[float, float]:
+    """Return what the left and the right front sensor (ps7, ps0) of a matched, calibrated robot
+    read on average, in counts.
+    """
     light = mean_light(distance_m, bearing_rad, config)
     return saturate(light[7], DARK), saturate(light[0], DARK)
 
 
-def draw_units(rng: np.random.Generator, config: InfraredConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def draw_units(
+    rng: np.random.Generator, config: InfraredConfig
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Draw one robot's sensors: gains (8,) and free-air offsets (8,) in counts."""
     gains = np.exp(config.gain_spread * rng.standard_normal(SENSORS))
     return gains, np.round(rng.uniform(*config.offset_counts, SENSORS))
 
 
-def calibrate(rng: np.random.Generator, config: InfraredConfig, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (8,) the mean of 100 single readings in free air, rounded to counts, as ``K`` of the firmware stores it."""
+def calibrate(
+    rng: np.random.Generator, config: InfraredConfig, offsets: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return (8,) the mean of 100 single readings in free air, rounded to counts, as ``K`` of the
+    firmware stores it.
+    """
     noise = rng.standard_normal((CALIBRATION, SENSORS)) * config.noise * float(noise_sd(0.0))
     mean: NDArray[np.float64] = np.round(np.clip(np.round(offsets + noise), 0, ADC).mean(axis=0))
     return mean

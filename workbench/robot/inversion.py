@@ -1,12 +1,16 @@
-"""From two infrared readings to distance and bearing, and where that is possible (paper section III-B, "preprocessing").
+"""From two infrared readings to distance and bearing, and where that is possible (paper section
+III-B, "preprocessing").
 
-The left and the right front sensor look 17° to both sides. Their sum tells the distance, their ratio the bearing:
+The left and the right front sensor look 17° to both sides. Their sum tells the distance, their
+ratio the bearing:
 
-    u = log(l + r + 2 n₀)      v = log(l + n₀) - log(r + n₀)      n₀ = 3 counts keeps the noise of dark readings small
+    u = log(l + r + 2 n₀)      v = log(l + n₀) - log(r + n₀)
 
-``inversion_table`` inverts the mean response of a matched sensor pair once; ``invert`` looks a pair up by bilinear
-interpolation. Beyond ±35° the ratio falls again, as both sensors lose the target: there two readings determine nothing, and
-the inverse is clipped.
+where n₀ = 3 counts keeps the noise of dark readings small.
+
+``inversion_table`` inverts the mean response of a matched sensor pair once; ``invert`` looks a pair
+up by bilinear interpolation. Beyond ±35° the ratio falls again, as both sensors lose the target:
+there two readings determine nothing, and the inverse is clipped.
 
 >>> from workbench.robot.infrared import InfraredConfig, front_pair
 >>> table = inversion_table(InfraredConfig())
@@ -26,7 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.compiled import compiled
-from workbench.robot.infrared import DARK, InfraredConfig, circles_light, noise_sd, saturate, strength_of
+from workbench.robot.infrared import (
+    DARK,
+    InfraredConfig,
+    circles_light,
+    noise_sd,
+    saturate,
+    strength_of,
+)
 
 NODES = 65
 FLOOR = 3.0  # counts: n₀
@@ -38,7 +49,9 @@ WIDEST = math.radians(35)  # bearing at which the ratio of the front sensors is 
 
 @compiled
 def pair_coordinates(left: float, right: float) -> tuple[float, float]:
-    """Return u, which falls with distance, and v, which grows with bearing, of two calibrated readings in counts."""
+    """Return u, which falls with distance, and v, which grows with bearing, of two calibrated
+    readings in counts.
+    """
     return math.log(left + right + 2 * FLOOR), math.log((left + FLOOR) / (right + FLOOR))
 
 
@@ -50,45 +63,78 @@ def invert(table: Any, left: float, right: float) -> tuple[float, float]:
     b = min(max((v - V[0]) / (V[1] - V[0]) * (NODES - 1), 0.0), NODES - 1.000001)
     i, j = int(a), int(b)
     p, q = a - i, b - j
-    w00, w01, w10, w11 = (1 - p) * (1 - q), (1 - p) * q, p * (1 - q), p * q
-    distance: float = w00 * table[0, i, j] + w01 * table[0, i, j + 1] + w10 * table[0, i + 1, j] + w11 * table[0, i + 1, j + 1]
-    bearing: float = w00 * table[1, i, j] + w01 * table[1, i, j + 1] + w10 * table[1, i + 1, j] + w11 * table[1, i + 1, j + 1]
+    w00 = (1 - p) * (1 - q)
+    w01 = (1 - p) * q
+    w10 = p * (1 - q)
+    w11 = p * q
+    distance: float = (
+        w00 * table[0, i, j]
+        + w01 * table[0, i, j + 1]
+        + w10 * table[0, i + 1, j]
+        + w11 * table[0, i + 1, j + 1]
+    )
+    bearing: float = (
+        w00 * table[1, i, j]
+        + w01 * table[1, i, j + 1]
+        + w10 * table[1, i + 1, j]
+        + w11 * table[1, i + 1, j + 1]
+    )
     return distance, bearing
 
 
 @compiled
-def pairs(distances: Any, bearings: Any, radius: float, strength: float, beacon: int, out: Any) -> None:
-    """Write mean left and right front readings into out (2, distances, bearings) for a target of ``strength_of``."""
+def pairs(
+    distances: Any, bearings: Any, radius: float, strength: float, beacon: int, out: Any
+) -> None:
+    """Write mean left and right front readings into out (2, distances, bearings) for a target of
+    ``strength_of``.
+    """
     cx, cy = np.empty(1), np.empty(1)
     for i in range(distances.size):
         for j in range(bearings.size):
-            cx[0], cy[0] = distances[i] * math.cos(bearings[j]), distances[i] * math.sin(bearings[j])
+            cx[0], cy[0] = (
+                distances[i] * math.cos(bearings[j]),
+                distances[i] * math.sin(bearings[j]),
+            )
             for side, sensor in enumerate((7, 0)):
-                light = circles_light(sensor, 0.0, 0.0, 1.0, 0.0, cx, cy, 1, radius, strength, beacon)
+                light = circles_light(
+                    sensor, 0.0, 0.0, 1.0, 0.0, cx, cy, 1, radius, strength, beacon
+                )
                 out[side, i, j] = saturate(light, DARK)
 
 
 def mean_pairs(
     distances_m: NDArray[np.float64], bearings_rad: NDArray[np.float64], config: InfraredConfig
 ) -> NDArray[np.float64]:
-    """Return mean left and right front readings of matched sensors, (2, distances, bearings) in counts."""
+    """Return mean left and right front readings of matched sensors, (2, distances, bearings) in
+    counts.
+    """
     out = np.empty((2, len(distances_m), len(bearings_rad)))
-    pairs(np.asarray(distances_m, float), np.asarray(bearings_rad, float), *strength_of(config), out)
+    pairs(
+        np.asarray(distances_m, float), np.asarray(bearings_rad, float), *strength_of(config), out
+    )
     return out
 
 
 def inversion_table(config: InfraredConfig) -> NDArray[np.float64]:
-    """Return the table that ``invert`` reads, for what a configuration's robots show; nothing else of it matters."""
+    """Return the table that ``invert`` reads, for what a configuration's robots show; nothing else
+    of it matters.
+    """
     return _table(config.target, config.brightness)
 
 
 @lru_cache(maxsize=32)
 def _table(target: str, brightness: float) -> NDArray[np.float64]:
-    distances, bearings = np.linspace(*DISTANCES, 240), np.linspace(-WIDEST, WIDEST, 141)
-    left, right = mean_pairs(distances, bearings, InfraredConfig(target=target, brightness=brightness))
+    distances = np.linspace(*DISTANCES, 240)
+    bearings = np.linspace(-WIDEST, WIDEST, 141)
+    left, right = mean_pairs(
+        distances, bearings, InfraredConfig(target=target, brightness=brightness)
+    )
     u, v = np.log(left + right + 2 * FLOOR), np.log((left + FLOOR) / (right + FLOOR))
-    nodes_u, nodes_v = np.linspace(*U, NODES), np.linspace(*V, NODES)
-    # along every distance, where on the curve of bearings is v? then, for that v, at which distance is u?
+    nodes_u = np.linspace(*U, NODES)
+    nodes_v = np.linspace(*V, NODES)
+    # along every distance, where on the curve of bearings is v? then, for that v, at which distance
+    # is u?
     bearing_at = np.array([np.interp(nodes_v, np.maximum.accumulate(row), bearings) for row in v])
     u_at = np.array([np.interp(bearing_at[i], bearings, u[i]) for i in range(distances.size)])
     table = np.empty((2, NODES, NODES))
@@ -103,13 +149,17 @@ def _table(target: str, brightness: float) -> NDArray[np.float64]:
 def uncertainty(
     distances_m: NDArray[np.float64], bearings_rad: NDArray[np.float64], config: InfraredConfig
 ) -> NDArray[np.float64]:
-    """Return the smallest standard deviations that any unbiased estimate from two readings can have, (2, D, B) in m and rad.
+    """Return the smallest standard deviations that any unbiased estimate from two readings can
+    have, (2, D, B) in m and rad.
 
-    The Cramér–Rao bound of independent noise on both readings, (Jᵀ Σ⁻¹ J)⁻¹, with the sensors' gains known. Infinite where the
-    readings do not determine both.
+    The Cramér–Rao bound of independent noise on both readings, (Jᵀ Σ⁻¹ J)⁻¹, with the sensors'
+    gains known. Infinite where the readings do not determine both.
     """
-    h_d, h_b = 2e-3, math.radians(2.5)  # wide enough to bridge the 5° between two rays of the lobe
-    d, b = np.asarray(distances_m, float), np.asarray(bearings_rad, float)
+    # wide enough to bridge the 5° between two rays of the lobe
+    h_d = 2e-3
+    h_b = math.radians(2.5)
+    d = np.asarray(distances_m, float)
+    b = np.asarray(bearings_rad, float)
     known = replace(config, gain_spread=0.0)
     slope_d = (mean_pairs(d + h_d, b, known) - mean_pairs(d - h_d, b, known)) / (2 * h_d)
     slope_b = (mean_pairs(d, b + h_b, known) - mean_pairs(d, b - h_b, known)) / (2 * h_b)

@@ -1,7 +1,8 @@
 """Bytes to and from a robot: a serial port or a TCP socket, with a deadline on everything.
 
-Contract: reading returns exactly what was asked for or raises: LinkTimeout when the rest does not come in time, LinkLost when
-the link is gone. Writing raises LinkTimeout when the other end takes nothing. No call blocks longer than its time-out.
+Contract: reading returns exactly what was asked for or raises: LinkTimeout when the rest does not
+come in time, LinkLost when the link is gone. Writing raises LinkTimeout when the other end takes
+nothing. No call blocks longer than its time-out.
 """
 
 import select
@@ -48,10 +49,15 @@ class Link(ABC):
 
     def read_line(self, timeout_s: float | None = None) -> bytes:
         """Return the next line without its end."""
-        self._fill(lambda: b"\n" in self._buffer or len(self._buffer) > LONGEST_LINE, timeout_s, "a line")
+        self._fill(
+            lambda: b"\n" in self._buffer or len(self._buffer) > LONGEST_LINE, timeout_s, "a line"
+        )
         if b"\n" not in self._buffer:
             self._buffer.clear()
-            raise BadReply(f"more than {LONGEST_LINE} bytes without an end of line; is this an e-puck, at this baud rate?")
+            raise BadReply(
+                f"more than {LONGEST_LINE} bytes without an end of line; is this an e-puck, "
+                "at this baud rate?"
+            )
         line, _, rest = bytes(self._buffer).partition(b"\n")
         self._buffer[:] = rest
         return line.rstrip(b"\r")
@@ -62,14 +68,19 @@ class Link(ABC):
         for _ in range(64):
             if not self._receive(0.0):
                 return
-        raise BadReply("the other end sends without being asked; is this an e-puck, at this baud rate?")
+        raise BadReply(
+            "the other end sends without being asked; is this an e-puck, at this baud rate?"
+        )
 
     def _fill(self, enough: object, timeout_s: float | None, wanted: str) -> None:
         deadline = time.monotonic() + (self.timeout_s if timeout_s is None else timeout_s)
         while not enough():  # type: ignore[operator]  # a function without arguments
             left = deadline - time.monotonic()
             if left <= 0:
-                raise LinkTimeout(f"expected {wanted} within {timeout_s or self.timeout_s:g} s, got {bytes(self._buffer[:40])!r}")
+                raise LinkTimeout(
+                    f"expected {wanted} within {timeout_s or self.timeout_s:g} s, got "
+                    f"{bytes(self._buffer[:40])!r}"
+                )
             self._buffer += self._receive(left)
 
 
@@ -85,9 +96,13 @@ class SerialLink(Link):
     def __init__(self, port: str, baud: int, *, timeout_s: float = 0.25) -> None:
         super().__init__(timeout_s)
         try:
-            self._port = serial.Serial(port, baud, timeout=0, write_timeout=timeout_s, exclusive=True)
+            self._port = serial.Serial(
+                port, baud, timeout=0, write_timeout=timeout_s, exclusive=True
+            )
         except (serial.SerialException, OSError, ValueError) as error:
-            raise LinkLost(f"serial port {port!r} at {baud} baud cannot be opened: {error}") from error
+            raise LinkLost(
+                f"serial port {port!r} at {baud} baud cannot be opened: {error}"
+            ) from error
 
     def write(self, data: bytes) -> None:
         try:

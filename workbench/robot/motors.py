@@ -1,8 +1,8 @@
 """The e-puck's stepper motors: whole steps per second in, firmware quantisation and saturation.
 
-The firmware (gctronic/e-puck-library, advance_one_timer/e_motors.c) clamps a command to ±1000 steps/s and waits
-int(10000 / |v|) ticks of 0.1 ms between steps, so that the wheel turns at 10000 / int(10000 / |v|) steps/s. Above 500 the
-grid is coarse: 625, 667, 714, 769, 833, 909, 1000.
+The firmware (gctronic/e-puck-library, advance_one_timer/e_motors.c) clamps a command to ±1000
+steps/s and waits int(10000 / |v|) ticks of 0.1 ms between steps, so that the wheel turns at 10000 /
+int(10000 / |v|) steps/s. Above 500 the grid is coarse: 625, 667, 714, 769, 833, 909, 1000.
 
 >>> motor_speed(550), round(motor_speed(-350), 1), motor_speed(2000)
 (555.5555555555555, -357.1, 1000.0)
@@ -18,7 +18,9 @@ from workbench.robot.geometry import MAX_STEPS, MAX_STEPS_EPUCK2, STEP, TICKS, T
 
 @compiled
 def wheel_speed(command: int, most: int, ticks: int) -> float:
-    """Return the steps/s at which a wheel really turns: at most ``most``, each step a whole number of ticks (0: any speed)."""
+    """Return the steps/s at which a wheel really turns: at most ``most``, each step a whole number
+    of ticks (0: any speed).
+    """
     speed = min(abs(command), most)
     if speed == 0:
         return 0.0
@@ -28,12 +30,16 @@ def wheel_speed(command: int, most: int, ticks: int) -> float:
 
 @compiled
 def motor_speed(command: int) -> float:
-    """Return the steps/s at which an e-puck's wheel really turns for a commanded whole number of steps/s."""
+    """Return the steps/s at which an e-puck's wheel really turns for a commanded whole number of
+    steps/s.
+    """
     return wheel_speed(command, MAX_STEPS, TICKS)
 
 
 def motor_speed_epuck2(command: int) -> float:
-    """Return the steps/s of an e-puck2 for the same command: half steps of a timer of 10 µs, at most ±1100 (its src/motors.c)."""
+    """Return the steps/s of an e-puck2 for the same command: half steps of a timer of 10 µs, at
+    most ±1100 (its src/motors.c).
+    """
     speed = min(abs(command), MAX_STEPS_EPUCK2)
     if speed == 0:
         return 0.0
@@ -48,7 +54,9 @@ def steps_from_speed(speed_mps: float) -> int:
         ValueError: the speed is not finite or beyond the motor's ±1000 steps/s (0.1288 m/s).
     """
     if not math.isfinite(speed_mps) or abs(speed_mps) > MAX_STEPS * STEP * (1 + 1e-9):
-        raise ValueError(f"speed {speed_mps!r} m/s; an e-puck's wheel does at most {MAX_STEPS * STEP:.4f} m/s")
+        raise ValueError(
+            f"speed {speed_mps!r} m/s; an e-puck's wheel does at most {MAX_STEPS * STEP:.4f} m/s"
+        )
     return round(speed_mps / STEP)
 
 
@@ -58,5 +66,7 @@ def speed_from_steps(steps: float) -> float:
 
 
 def twist(left_steps: float, right_steps: float) -> tuple[float, float]:
-    """Return forward speed in m/s and turning rate in rad/s of exact rolling at two wheel speeds in steps/s."""
+    """Return forward speed in m/s and turning rate in rad/s of exact rolling at two wheel speeds in
+    steps/s.
+    """
     return (left_steps + right_steps) * STEP / 2, (right_steps - left_steps) * STEP / TRACK

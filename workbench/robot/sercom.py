@@ -1,9 +1,10 @@
-"""SerCom, the e-puck1's serial protocol, as pure functions of bytes, and a table of where its variants differ.
+"""SerCom, the e-puck1's serial protocol, as pure functions of bytes, and a table of where its
+variants differ.
 
-Source: gctronic/e-puck-library, program/DemoGCtronic-complete/Asercom.c. ASCII: ``D,300,-300`` + CR, replies a lower-case
-letter, a comma list and CRLF. Binary: byte 256 - ord(letter) for every command, chained, ended by 0x00; replies are 16-bit
-little-endian numbers, one after the other, without a checksum. A binary chain without its 0x00 leaves the robot deaf to ASCII
-until one comes.
+Source: gctronic/e-puck-library, program/DemoGCtronic-complete/Asercom.c. ASCII: ``D,300,-300`` +
+CR, replies a lower-case letter, a comma list and CRLF. Binary: byte 256 - ord(letter) for every
+command, chained, ended by 0x00; replies are 16-bit little-endian numbers, one after the other,
+without a checksum. A binary chain without its 0x00 leaves the robot deaf to ASCII until one comes.
 
 >>> ascii_request("D", 300, -300), binary_request(("D", 300, -300), ("N",)).hex()
 (b'D,300,-300\\r', 'bc2c01d4feb200')
@@ -44,12 +45,18 @@ class Variant:
 VARIANTS = {
     "epuck1": Variant("epuck1", 115200, 8, 5, 5, True),  # UART1, Bluetooth
     "epuck1-bt": Variant("epuck1-bt", 115200, 8, 3, 3, True),  # BTcom sends three values
-    "overo": Variant("overo", 230400, 10, 0, 0, False),  # selector 10: the I2C bus with the ground sensors belongs to Linux
+    "overo": Variant(
+        "overo", 230400, 10, 0, 0, False
+    ),  # selector 10: the I2C bus with the ground sensors belongs to Linux
 }
 READS = {  # sensor: letter, fields of a 16-bit reply (None: as the variant has), struct code
-    "proximity": ("N", None, "H"), "light": ("O", None, "H"), "floor": ("M", None, "H"),
-    "motor_speed": ("E", 2, "h"), "motor_position": ("Q", 2, "h"), "accelerometer": ("a", 3, "h"),
-}  # fmt: skip
+    "proximity": ("N", None, "H"),
+    "light": ("O", None, "H"),
+    "floor": ("M", None, "H"),
+    "motor_speed": ("E", 2, "h"),
+    "motor_position": ("Q", 2, "h"),
+    "accelerometer": ("a", 3, "h"),
+}
 
 
 def ascii_request(letter: str, *numbers: int) -> bytes:
@@ -58,7 +65,8 @@ def ascii_request(letter: str, *numbers: int) -> bytes:
 
 
 def ascii_numbers(line: bytes, letter: str, counts: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the whole numbers of a reply line that must begin with a letter and have one of several numbers of fields.
+    """Return the whole numbers of a reply line that must begin with a letter and have one of
+    several numbers of fields.
 
     Raises:
         BadReply: another letter, another number of fields, or a field that is no number of 16 bits.
@@ -69,7 +77,11 @@ def ascii_numbers(line: bytes, letter: str, counts: tuple[int, ...]) -> tuple[in
         numbers = tuple(int(field) for field in fields)
     except ValueError:
         raise BadReply(f"expected '{letter},…' with whole numbers, got {shown!r}") from None
-    if first != letter or len(numbers) not in counts or any(field.strip() != field or "_" in field for field in fields):
+    if (
+        first != letter
+        or len(numbers) not in counts
+        or any(field.strip() != field or "_" in field for field in fields)
+    ):
         wanted = " or ".join(str(count) for count in counts)
         raise BadReply(f"expected '{letter}' with {wanted} numbers, got {shown!r}")
     if any(not -32768 <= number <= 65535 for number in numbers):
@@ -81,7 +93,9 @@ def binary_request(*commands: tuple[str | int, ...]) -> bytes:
     """Return a chain of binary commands, each a letter and its 16-bit numbers, ended by 0x00."""
     chain = b""
     for letter, *numbers in commands:
-        chain += bytes([256 - ord(str(letter))]) + struct.pack(f"<{len(numbers)}h", *(int(number) for number in numbers))
+        chain += bytes([256 - ord(str(letter))]) + struct.pack(
+            f"<{len(numbers)}h", *(int(number) for number in numbers)
+        )
     return chain + b"\x00"
 
 
@@ -93,12 +107,15 @@ def binary_numbers(data: bytes, code: str) -> tuple[int, ...]:
 
 
 def check_counts(sensor: str, values: tuple[int, ...]) -> tuple[float, ...]:
-    """Return readings of a converter of 12 bits as floats; what a firmware let fall below zero (65 000 and more) is zero.
+    """Return readings of a converter of 12 bits as floats; what a firmware let fall below zero (65
+    000 and more) is zero.
 
     Raises:
         BadReply: a value that no converter of 12 bits gives.
     """
     counts = tuple(0 if -ADC <= value < 0 or value > 65535 - ADC else value for value in values)
     if any(not 0 <= value <= ADC for value in counts):
-        raise BadReply(f"{sensor} = {values}; expected 0 to {ADC} counts: bytes were lost or garbled")
+        raise BadReply(
+            f"{sensor} = {values}; expected 0 to {ADC} counts: bytes were lost or garbled"
+        )
     return tuple(float(value) for value in counts)

@@ -1,6 +1,7 @@
 """A thread that looks again and again whether something has to be done, such as stopping a robot.
 
-Contract: ``end`` returns when the thread is gone; ``start`` and ``end`` may be called any number of times.
+Contract: ``end`` returns when the thread is gone; ``start`` and ``end`` may be called any number of
+times.
 """
 
 import threading
@@ -16,7 +17,8 @@ class Watchdog:
     """
 
     def __init__(self, look: Callable[[], None], every_s: float | None) -> None:
-        self._look, self._every_s = look, every_s
+        self._look = look
+        self._every_s = every_s
         self._leave = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -31,7 +33,8 @@ class Watchdog:
     def end(self) -> None:
         """End the thread and wait for it, unless it is this one."""
         self._leave.set()
-        thread, self._thread = self._thread, None
+        thread = self._thread
+        self._thread = None
         if thread is not None and thread is not threading.current_thread():
             thread.join()
 

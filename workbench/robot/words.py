@@ -1,6 +1,8 @@
-"""The words that e-puck users know from pyePuck and ePuckVRep, one method each; what they do is in ``robot.api``.
+"""The words that e-puck users know from pyePuck and ePuckVRep, one method each; what they do is in
+``robot.api``.
 
-Contract: readings are those of the last ``step``; every device that a back-end lacks raises NotSupported.
+Contract: readings are those of the last ``step``; every device that a back-end lacks raises
+NotSupported.
 """
 
 from abc import ABC, abstractmethod
@@ -28,7 +30,9 @@ class Words(ABC):
         return self.reading("proximity")
 
     def get_light_sensor(self) -> tuple[float, ...]:
-        """Return the ambient reading of the same eight sensors: about 4000 counts in the dark, falling with light."""
+        """Return the ambient reading of the same eight sensors: about 4000 counts in the dark,
+        falling with light.
+        """
         return self.reading("light")
 
     def get_floor_sensors(self) -> tuple[float, ...]:
@@ -36,7 +40,9 @@ class Words(ABC):
         return self.reading("floor")
 
     def get_motor_speed(self) -> tuple[float, ...]:
-        """Return the commanded wheel speeds in steps/s, as the firmware echoes them; nobody measures."""
+        """Return the commanded wheel speeds in steps/s, as the firmware echoes them; nobody
+        measures.
+        """
         return self.reading("motor_speed")
 
     def get_motor_position(self) -> tuple[float, ...]:
@@ -66,12 +72,21 @@ class Words(ABC):
     def set_motor_position(self, left: int, right: int) -> None:
         """Set the wheels' step counters; over a wire they have 16 bits."""
         for name, value in (("left", left), ("right", right)):
-            if isinstance(value, bool) or not isinstance(value, int) or abs(value) > self.most_counts:
-                raise ValueError(f"{name} = {value!r}; expected a whole number of motor steps, up to ±{self.most_counts}")
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int)
+                or abs(value) > self.most_counts
+            ):
+                raise ValueError(
+                    f"{name} = {value!r}; expected a whole number of motor steps, up to "
+                    f"±{self.most_counts}"
+                )
         self._device("motor_position", left, right)
 
     def set_led(self, led: int, value: int) -> None:
-        """Set one of the eight ring lights: 0 off, 1 on, 2 toggle; another number than 0 to 7 sets all."""
+        """Set one of the eight ring lights: 0 off, 1 on, 2 toggle; another number than 0 to 7 sets
+        all.
+        """
         self._device("led", led, value)
 
     def set_body_led(self, value: int) -> None:
@@ -83,10 +98,15 @@ class Words(ABC):
         self._device("front_led", value)
 
     def calibrate_proximity_sensors(self) -> None:
-        """Take the mean of 100 readings as every sensor's zero. Nothing may stand near the robot."""
+        """Take the mean of 100 readings as every sensor's zero.
+
+        Nothing may stand near the robot.
+        """
         self._device("calibrate")
 
     def observe(self) -> tuple[float, float]:
-        """Return distance in m and bearing in rad of the robot in front, as an overhead camera tells them."""
+        """Return distance in m and bearing in rad of the robot in front, as an overhead camera
+        tells them.
+        """
         distance, bearing = self.reading("observe")
         return distance, bearing

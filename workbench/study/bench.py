@@ -1,9 +1,10 @@
 """Speed and memory, measured as ratios within one run.
 
-The reference is bare physics: ``mj_step`` on one MjData, replaying the very controls that the full loop has just recorded,
-from the same state. The full loop is everything: senses, learning, reset, records and their reduction, without progress
-bar. Both are timed in short turns, one after the other, so that a busy machine slows both; what is reported are medians
-over the turns. Times are per formation step: 0.1 s of one leader and its followers.
+The reference is bare physics: ``mj_step`` on one MjData, replaying the very controls that the full
+loop has just recorded, from the same state. The full loop is everything: senses, learning, reset,
+records and their reduction, without progress bar. Both are timed in short turns, one after the
+other, so that a busy machine slows both; what is reported are medians over the turns. Times are per
+formation step: 0.1 s of one leader and its followers.
 """
 
 import resource
@@ -57,7 +58,10 @@ class _Loop:
 
         controls = self._controls(block[0])
         mujoco.mj_setState(self.model, self.data, start, mujoco.mjtState.mjSTATE_INTEGRATION)
-        data, model, substeps, ctrl = self.data, self.model, self.substeps, self.data.ctrl
+        data = self.data
+        model = self.model
+        substeps = self.substeps
+        ctrl = self.data.ctrl
         step = mujoco.mj_step
         begun = time.perf_counter()
         for row in controls:
@@ -65,7 +69,10 @@ class _Loop:
             step(model, data, nstep=substeps)
         self.bare.append((time.perf_counter() - begun) / BLOCK)
         if not np.array_equal(world.qpos[0], data.qpos):
-            raise RuntimeError("bare physics did not reproduce the recorded run; the comparison would be meaningless")
+            raise RuntimeError(
+                "bare physics did not reproduce the recorded run; the comparison would be "
+                "meaningless"
+            )
 
     def _controls(self, block: NDArray[np.void]) -> NDArray[np.float64]:
         """Return the controls (periods, nu) that the recorded commands of a block mean."""
@@ -89,9 +96,11 @@ def bench(*, turns: int = 36, runs: int = 200) -> dict[str, Any]:
     base = ConvoyConfig()
     planar = replace(base, drive="planar")
     loops = {
-        "wheels": _Loop(base), "planar": _Loop(planar), "4": _Loop(replace(planar, seed=2)),
+        "wheels": _Loop(base),
+        "planar": _Loop(planar),
+        "4": _Loop(replace(planar, seed=2)),
         "64": _Loop(replace(planar, followers=64, seed=2)),
-    }  # fmt: skip
+    }
     for name, loop in loops.items():
         loop.warm_up(2 if name in ("wheels", "64") else 8)
     for turn in range(turns):
@@ -101,7 +110,8 @@ def bench(*, turns: int = 36, runs: int = 200) -> dict[str, Any]:
     micro = 1e6
     result: dict[str, Any] = {}
     for name in ("wheels", "planar"):
-        full, bare = np.array(loops[name].full), np.array(loops[name].bare)
+        full = np.array(loops[name].full)
+        bare = np.array(loops[name].bare)
         result[f"{name}_us"] = float(np.median(full)) * micro
         result[f"{name}_bare_us"] = float(np.median(bare)) * micro
         result[f"{name}_ratio"] = float(np.median(full / bare))
@@ -119,22 +129,33 @@ def bench(*, turns: int = 36, runs: int = 200) -> dict[str, Any]:
 
 
 def _environment(formations: int = 64, steps: int = 500, turns: int = 5) -> dict[str, float]:
-    """Return follower steps per second of the vectorised environment on one core: planar, errors in, speed pairs out.
+    """Return follower steps per second of the vectorised environment on one core: planar, errors
+    in, speed pairs out.
 
-    Its actions are a law's, computed on arrays, so that followers follow; a new random action now and then makes some get lost.
+    Its actions are a law's, computed on arrays, so that followers follow; a new random action now
+    and then makes some get lost.
     """
     env = FollowVectorEnv(formations)
     seen, _ = env.reset(seed=1)
-    rng, levels, rates = np.random.default_rng(0), env.config.action_levels[1], []
+    rng = np.random.default_rng(0)
+    levels = env.config.action_levels[1]
+    rates = []
     for _ in range(turns):
         begun = time.perf_counter()
         for _ in range(steps):
             pair = np.round(3 + 3 * seen[:, :1] + np.array([-4.0, 4.0]) * seen[:, 1:])
             left, right = np.clip(pair, 0, levels - 1).astype(np.int64).T
-            action = np.where(rng.random(formations) < 0.05, rng.integers(0, levels**2, formations), left * levels + right)
+            action = np.where(
+                rng.random(formations) < 0.05,
+                rng.integers(0, levels**2, formations),
+                left * levels + right,
+            )
             seen, *_ = env.step(action)
         rates.append(formations * steps / (time.perf_counter() - begun))
-    return {"environment_formations": formations, "environment_steps_per_s": float(np.median(rates))}
+    return {
+        "environment_formations": formations,
+        "environment_steps_per_s": float(np.median(rates)),
+    }
 
 
 def short_run(config: ConvoyConfig) -> int:
@@ -143,20 +164,26 @@ def short_run(config: ConvoyConfig) -> int:
 
 
 def _sweeps(runs: int) -> dict[str, float]:
-    """Return the time of a sweep in this process and on all cores, start of the processes included."""
+    """Return the time of a sweep in this process and on all cores, start of the processes
+    included.
+    """
     configs = [ConvoyConfig(drive="planar", seed=seed) for seed in range(runs)]
     taken = {}
     for workers in (1, cores()):
         begun = time.perf_counter()
         results = sweep(short_run, configs, workers=workers, progress=False)
         taken[workers] = (time.perf_counter() - begun, results)
-    (serial, expected), (local, found) = taken[1], taken[cores()]
+    (serial, expected) = taken[1]
+    (local, found) = taken[cores()]
     if expected != found:
         raise RuntimeError("serial and parallel sweeps differ; their times cannot be compared")
     return {
-        "sweep_runs": runs, "sweep_workers": cores(), "sweep_serial_s": serial, "sweep_local_s": local,
+        "sweep_runs": runs,
+        "sweep_workers": cores(),
+        "sweep_serial_s": serial,
+        "sweep_local_s": local,
         "sweep_speedup": serial / local,
-    }  # fmt: skip
+    }
 
 
 def peak_mib() -> float:
@@ -166,10 +193,11 @@ def peak_mib() -> float:
 
 
 def _updates(count: int = 200_000, turns: int = 9) -> dict[str, float]:
-    """Return the time of one learning update with 15×15 and with 5×5 states, 49 actions each, over the same visits.
+    """Return the time of one learning update with 15×15 and with 5×5 states, 49 actions each, over
+    the same visits.
 
-    Both tables see one walk: a state of the smaller grid, embedded in the larger one, so that only the table's size
-    differs. Finding the next state's greedy action, O(|A|), is part of both.
+    Both tables see one walk: a state of the smaller grid, embedded in the larger one, so that only
+    the table's size differs. Finding the next state's greedy action, O(|A|), is part of both.
     """
     times: dict[int, list[float]] = {5: [], 15: []}
     rng = np.random.default_rng(0)
@@ -180,25 +208,52 @@ def _updates(count: int = 200_000, turns: int = 9) -> dict[str, float]:
         for side, taken in times.items():
             scale = side // 5
             states = walk // 5 * scale * side + walk % 5 * scale
-            theta, w = np.full(side * side * 49, -0.1), np.zeros(side * side * 49)
+            theta = np.full(side * side * 49, -0.1)
+            w = np.zeros(side * side * 49)
             begun = time.perf_counter()
             _replay(theta, w, *new_trace(theta.size), states, actions, rho)
             taken.append((time.perf_counter() - begun) / count * 1e6)
-    small, large = np.array(times[5][1:]), np.array(times[15][1:])  # the first turn compiles
+    # the first turn compiles
+    small = np.array(times[5][1:])
+    large = np.array(times[15][1:])
     return {
-        "update_us_5x5": float(np.median(small)), "update_us_15x15": float(np.median(large)),
+        "update_us_5x5": float(np.median(small)),
+        "update_us_15x15": float(np.median(large)),
         "update_ratio": float(np.median(large / small)),
-    }  # fmt: skip
+    }
 
 
 @compiled
-def _replay(theta: Any, w: Any, index: Any, value: Any, slot: Any, states: Any, actions: Any, rho: Any) -> None:
+def _replay(
+    theta: Any, w: Any, index: Any, value: Any, slot: Any, states: Any, actions: Any, rho: Any
+) -> None:
     """Learn a given walk with reward -1, as the followers do, in one compiled loop."""
-    phi, bar, one = np.empty(1, np.int64), np.empty(1, np.int64), np.ones(1)
+    phi = np.empty(1, np.int64)
+    bar = np.empty(1, np.int64)
+    one = np.ones(1)
     n = 0
     for t in range(actions.size):
         phi[0] = states[t] * 49 + actions[t]
         bar[0] = states[t + 1] * 49 + greedy_action(theta, states[t + 1] * 49, 49)
         n, _, _ = gq_update(
-            theta, w, index, value, slot, n, phi, one, bar, one, -1.0, 0.0, 1.0, rho[t], 0.64, 0.8, 0.8, 0.1, 1e-3, 1e-8
+            theta,
+            w,
+            index,
+            value,
+            slot,
+            n,
+            phi,
+            one,
+            bar,
+            one,
+            -1.0,
+            0.0,
+            1.0,
+            rho[t],
+            0.64,
+            0.8,
+            0.8,
+            0.1,
+            1e-3,
+            1e-8,
         )

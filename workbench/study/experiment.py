@@ -1,13 +1,15 @@
 """The paper's simulation, and the test of its explanation: every run that the figures are made of.
 
-* "wheels": 1.3 million updates, four followers, each learning its own weights, 9×9 states, 7×7 actions; seeds 1 to 3;
+* "wheels": 1.3 million updates, four followers, each learning its own weights, 9×9 states, 7×7
+  actions; seeds 1 to 3;
 * "planar": the same on the planar drive; seeds 1 to 10;
-* "greedy": the policies of the wheels runs, frozen, on ten evaluation seeds of 30 simulated minutes, taking turns;
-* "shift/TRACK/REWARD": what moves the visits sideways (E3): a circle in both directions and a figure-eight, under three
-  rewards, 100 000 updates on the planar drive; seeds 1 to 10.
+* "greedy": the policies of the wheels runs, frozen, on ten evaluation seeds of 30 simulated
+  minutes, taking turns;
+* "shift/TRACK/REWARD": what moves the visits sideways (E3): a circle in both directions and a
+  figure-eight, under three rewards, 100 000 updates on the planar drive; seeds 1 to 10.
 
-Runs are kept in runs/.cache/ under a name that depends on everything that they depend on, sources included; what is there is
-loaded and what is missing is run, on all cores, one process per core.
+Runs are kept in runs/.cache/ under a name that depends on everything that they depend on, sources
+included; what is there is loaded and what is missing is run, on all cores, one process per core.
 """
 
 import hashlib
@@ -59,11 +61,27 @@ def paper_jobs(*, quick: bool) -> list[Job]:
     for track, layout in SHIFT_TRACKS.items():
         for reward in SHIFT_REWARDS:
             config = replace(planar, track=layout, reward=reward)
-            short += [Job(f"shift/{track}/{reward}", config.with_seed(seed), shift_steps) for seed in seeds]
+            short += [
+                Job(f"shift/{track}/{reward}", config.with_seed(seed), shift_steps)
+                for seed in seeds
+            ]
     judged = (101, 102) if quick else tuple(range(101, 111))
-    greedy = [Job("greedy", base.with_seed(s), 0, minutes, wheels[k % len(wheels)].name) for k, s in enumerate(judged)]
-    third = len(seeds)  # the long runs are spread, so that no core idles at the end and the bar moves from the start
-    return [wheels[0], *short[:third], wheels[1], *short[third : 4 * third], wheels[2], *short[4 * third :], *greedy]
+    greedy = [
+        Job("greedy", base.with_seed(s), 0, minutes, wheels[k % len(wheels)].name)
+        for k, s in enumerate(judged)
+    ]
+    third = len(
+        seeds
+    )  # the long runs are spread, so that no core idles at the end and the bar moves from the start
+    return [
+        wheels[0],
+        *short[:third],
+        wheels[1],
+        *short[third : 4 * third],
+        wheels[2],
+        *short[4 * third :],
+        *greedy,
+    ]
 
 
 def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list[Run]]:
@@ -80,7 +98,9 @@ def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list
     folder = _cache(jobs, quick)
     missing = [job for job in jobs if not (folder / job.name / "summary.json").is_file()]
     for stage in ([job for job in missing if job.steps], [job for job in missing if not job.steps]):
-        for result in sweep(paper_run, [(job, folder) for job in stage], workers=workers) if stage else []:
+        for result in (
+            sweep(paper_run, [(job, folder) for job in stage], workers=workers) if stage else []
+        ):
             if isinstance(result, Failed):
                 raise RuntimeError(f"{result.config[0].name}: {result.error}\n{result.trace}")
     runs: dict[str, list[Run]] = {}
@@ -90,28 +110,45 @@ def paper_runs(*, quick: bool = paths.QUICK, workers: int = 0) -> dict[str, list
 
 
 def paper_run(request: tuple[Job, Path]) -> None:
-    """Do one job in a worker process; what it makes is kept in its folder. Two processes may ask for the same job."""
+    """Do one job in a worker process; what it makes is kept in its folder.
+
+    Two processes may ask for the same job.
+    """
     job, folder = request
     out = folder / job.name
     if job.steps:
         learn(job.config, steps=job.steps, out=out, resume=True, wait_s=PATIENCE_S, progress=False)
     else:
         policy = load_run(folder / job.follows).policy
-        evaluate(policy, job.config, minutes=job.minutes, out=out, resume=True, wait_s=PATIENCE_S, progress=False)
+        evaluate(
+            policy,
+            job.config,
+            minutes=job.minutes,
+            out=out,
+            resume=True,
+            wait_s=PATIENCE_S,
+            progress=False,
+        )
 
 
 def fingerprint(jobs: list[Job]) -> str:
     """Return a short hash of everything that the runs depend on: requests, sources and versions."""
     digest = hashlib.sha256(sources.digest_of(paper_run).encode())
     for job in jobs:
-        digest.update(json.dumps([job.name, fields.to_dict(job.config), job.steps, job.minutes, job.follows]).encode())
+        digest.update(
+            json.dumps(
+                [job.name, fields.to_dict(job.config), job.steps, job.minutes, job.follows]
+            ).encode()
+        )
     return digest.hexdigest()[:12]
 
 
 def _cache(jobs: list[Job], quick: bool) -> Path:
     """Return the folder of these runs, and remove those of older sources."""
     prefix = "quick-" if quick else "paper-"
-    folder = paths.RUNS / ".cache" / f"{prefix}{fingerprint(jobs)}"  # its own place: nobody else's runs are there
+    folder = (
+        paths.RUNS / ".cache" / f"{prefix}{fingerprint(jobs)}"
+    )  # its own place: nobody else's runs are there
     for old in folder.parent.glob(f"{prefix}*"):
         if old != folder and not any(in_use(place) for place in old.glob("*/*")):
             shutil.rmtree(old, ignore_errors=True)  # another process may be removing it as well

@@ -1,11 +1,12 @@
 """Published figures: one writer, a manifest, and a check against what is there.
 
-``save_figure`` writes a picture (PNG, SVG), the plotted numbers beside it (CSV) and a row in ``figures/manifest.json``:
-inputs, seeds, versions, mode, and the sha256 of every file. There are no clocks in any of them: drawing the same numbers
-again changes no byte. In quick mode (WORKBENCH_QUICK=1) nothing is written.
+``save_figure`` writes a picture (PNG, SVG), the plotted numbers beside it (CSV) and a row in
+``figures/manifest.json``: inputs, seeds, versions, mode, and the sha256 of every file. There are no
+clocks in any of them: drawing the same numbers again changes no byte. In quick mode
+(WORKBENCH_QUICK=1) nothing is written.
 
-``regenerate`` runs the experiment and all notebooks; ``compare_numbers`` tells which plotted numbers differ and by how
-much, for machines whose arithmetic differs in the last digits.
+``regenerate`` runs the experiment and all notebooks; ``compare_numbers`` tells which plotted
+numbers differ and by how much, for machines whose arithmetic differs in the last digits.
 """
 
 import hashlib
@@ -72,16 +73,24 @@ def save_figure(
 
 def _check_name(name: str) -> None:
     if not name or not all(letter.isalnum() or letter in "_-" for letter in name):
-        raise ValueError(f"name = {name!r}; expected letters, digits, _ and - only: it becomes a file name")
+        raise ValueError(
+            f"name = {name!r}; expected letters, digits, _ and - only: it becomes a file name"
+        )
 
 
 def _write(
-    name: str, contents: dict[str, bytes], numbers: pd.DataFrame | Mapping[str, Any], sources: Sequence[Run], target: Path
+    name: str,
+    contents: dict[str, bytes],
+    numbers: pd.DataFrame | Mapping[str, Any],
+    sources: Sequence[Run],
+    target: Path,
 ) -> list[Path]:
     """Write a figure's files, its numbers and its row in the manifest."""
     target.mkdir(parents=True, exist_ok=True)
     table = numbers if isinstance(numbers, pd.DataFrame) else pd.DataFrame(dict(numbers))
-    contents[f"{name}.csv"] = table.to_csv(index=False, float_format="%.10g", lineterminator="\n").encode()
+    contents[f"{name}.csv"] = table.to_csv(
+        index=False, float_format="%.10g", lineterminator="\n"
+    ).encode()
     for file, content in contents.items():
         (target / file).write_bytes(content)
     row = {
@@ -97,9 +106,16 @@ def _write(
 
 
 def publish_png(
-    content: bytes, name: str, *, numbers: pd.DataFrame | Mapping[str, Any], sources: Sequence[Run] = (), width: int = 640
+    content: bytes,
+    name: str,
+    *,
+    numbers: pd.DataFrame | Mapping[str, Any],
+    sources: Sequence[Run] = (),
+    width: int = 640,
 ) -> Image:
-    """Write a picture that is a PNG already, an animated one for example, as ``save_figure`` does a figure; return it."""
+    """Write a picture that is a PNG already, an animated one for example, as ``save_figure`` does a
+    figure; return it.
+    """
     _check_name(name)
     if not paths.QUICK:
         _write(name, {f"{name}.png": content}, numbers, sources, paths.FIGURES)
@@ -107,9 +123,16 @@ def publish_png(
 
 
 def publish(
-    fig: Figure, name: str, *, numbers: pd.DataFrame | Mapping[str, Any], sources: Sequence[Run] = (), svg: bool = True
+    fig: Figure,
+    name: str,
+    *,
+    numbers: pd.DataFrame | Mapping[str, Any],
+    sources: Sequence[Run] = (),
+    svg: bool = True,
 ) -> Image:
-    """Write a figure as ``save_figure`` does and return it as the picture that a notebook shows and stores."""
+    """Write a figure as ``save_figure`` does and return it as the picture that a notebook shows and
+    stores.
+    """
     save_figure(fig, name, numbers=numbers, sources=sources, svg=svg)
     return Image(png(fig), width=round(100 * fig.get_figwidth()))
 
@@ -129,22 +152,47 @@ def numbers_in(folder: Path) -> dict[str, pd.DataFrame]:
     return {path.name: pd.read_csv(path) for path in sorted(folder.glob("*.csv"))}
 
 
-def compare_numbers(before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return which plotted numbers differ: file, column, how many, the largest difference and what it is relative to.
+def compare_numbers(
+    before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.DataFrame]
+) -> pd.DataFrame:
+    """Return which plotted numbers differ: file, column, how many, the largest difference and what
+    it is relative to.
 
-    A file or column that only one side has, or that changed its length or its words, is listed with difference NaN.
+    A file or column that only one side has, or that changed its length or its words, is listed with
+    difference NaN.
     """
     rows = []
     for name in sorted(set(before) | set(after)):
         if name not in before or name not in after:
-            rows.append((name, "(whole file)", 0, np.nan, np.nan, "only before" if name in before else "only now"))
+            rows.append(
+                (
+                    name,
+                    "(whole file)",
+                    0,
+                    np.nan,
+                    np.nan,
+                    "only before" if name in before else "only now",
+                )
+            )
             continue
-        old, new = before[name], after[name]
+        old = before[name]
+        new = after[name]
         for column in sorted(set(old.columns) | set(new.columns)):
             if column not in old or column not in new or len(old) != len(new):
-                rows.append((name, column, abs(len(old) - len(new)), np.nan, np.nan, "columns or rows differ"))
+                rows.append(
+                    (
+                        name,
+                        column,
+                        abs(len(old) - len(new)),
+                        np.nan,
+                        np.nan,
+                        "columns or rows differ",
+                    )
+                )
                 continue
-            numeric = pd.api.types.is_numeric_dtype(old[column]) and pd.api.types.is_numeric_dtype(new[column])
+            numeric = pd.api.types.is_numeric_dtype(old[column]) and pd.api.types.is_numeric_dtype(
+                new[column]
+            )
             if numeric:
                 a, b = old[column].to_numpy(float), new[column].to_numpy(float)
                 differs = ~((a == b) | (np.isnan(a) & np.isnan(b)))
@@ -152,7 +200,16 @@ def compare_numbers(before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.D
                     gap = np.abs(a - b)[differs]
                     scale = np.maximum(np.abs(a), np.abs(b))[differs]
                     largest = int(np.argmax(gap))
-                    rows.append((name, column, int(differs.sum()), gap[largest], gap[largest] / scale[largest], ""))
+                    rows.append(
+                        (
+                            name,
+                            column,
+                            int(differs.sum()),
+                            gap[largest],
+                            gap[largest] / scale[largest],
+                            "",
+                        )
+                    )
             elif not old[column].equals(new[column]):
                 rows.append(
                     (
@@ -164,7 +221,9 @@ def compare_numbers(before: Mapping[str, pd.DataFrame], after: Mapping[str, pd.D
                         "words differ",
                     )
                 )
-    return pd.DataFrame(rows, columns=["file", "column", "numbers", "largest_difference", "relative", "note"])
+    return pd.DataFrame(
+        rows, columns=["file", "column", "numbers", "largest_difference", "relative", "note"]
+    )
 
 
 def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> list[str]:
@@ -173,7 +232,9 @@ def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> li
 
 
 def png(fig: Figure) -> bytes:
-    """Return the PNG of a figure, its text legible on a page; the same figure gives the same bytes."""
+    """Return the PNG of a figure, its text legible on a page; the same figure gives the same
+    bytes.
+    """
     return _draw(fig, "png")
 
 
@@ -202,6 +263,9 @@ def _describe(runs: list[Run]) -> dict[str, Any]:
     del config["seed"]
     policies = hashlib.sha256("".join(run.policy.sha256() for run in runs).encode()).hexdigest()
     return {
-        "kind": run.kind, "length": run.length, "seeds": [run.config.seed for run in runs], "config": config,
+        "kind": run.kind,
+        "length": run.length,
+        "seeds": [run.config.seed for run in runs],
+        "config": config,
         "policies_sha256": policies,
-    }  # fmt: skip
+    }

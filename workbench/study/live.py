@@ -1,6 +1,7 @@
 """What the command line does with robots: emulate one, drive one, record one.
 
-Contract: each function runs until its time is over or it is interrupted, and leaves the robot stopped and the recording closed.
+Contract: each function runs until its time is over or it is interrupted, and leaves the robot
+stopped and the recording closed.
 """
 
 import math
@@ -22,8 +23,16 @@ from workbench.study.storage import refuse_existing
 from workbench.study.weights import Weights, describe, load_weights, write_weights
 
 
-def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0, rate: float = 1.0, seconds: float = 0.0) -> str:
-    """Serve an emulated robot, the first follower of a simulated convoy, until interrupted (or for some seconds); return its URL.
+def emulate(
+    protocol: str,
+    *,
+    config: ConvoyConfig | None = None,
+    port: int = 0,
+    rate: float = 1.0,
+    seconds: float = 0.0,
+) -> str:
+    """Serve an emulated robot, the first follower of a simulated convoy, until interrupted (or for
+    some seconds); return its URL.
 
     Args:
         protocol: see ``workbench.arena.emulator.PROTOCOLS``.
@@ -34,9 +43,13 @@ def emulate(protocol: str, *, config: ConvoyConfig | None = None, port: int = 0,
     from workbench.arena.emulator import Emulator
     from workbench.formation.simulated import SimulatedRobot
 
-    body = SimulatedRobot(config if config is not None else replace(SETTINGS["infrared"], followers=1))
+    body = SimulatedRobot(
+        config if config is not None else replace(SETTINGS["infrared"], followers=1)
+    )
     with Emulator(body, protocol, rate=rate, port=port) as emulator:
-        print(f"an emulated {protocol} listens (stop it with Ctrl-C) at\n{emulator.url}", flush=True)
+        print(
+            f"an emulated {protocol} listens (stop it with Ctrl-C) at\n{emulator.url}", flush=True
+        )
         until = time.monotonic() + seconds if seconds else float("inf")
         try:
             while time.monotonic() < until:
@@ -67,12 +80,16 @@ def drive_robot(
         out: folder for the weights as they are in the end, where it learns.
 
     Raises:
-        ValueError: the run's followers see with something that the robot does not have, or were driven by a law.
+        ValueError: the run's followers see with something that the robot does not have, or were
+            driven by a law.
     """
     _check_seconds(seconds)
     if out is not None:
         if learn <= 0:
-            raise ValueError(f"out = {str(out)!r} with learn = {learn!r}; there is nothing to keep unless it learns")
+            raise ValueError(
+                f"out = {str(out)!r} with learn = {learn!r}; there is nothing to keep unless "
+                "it learns"
+            )
         refuse_existing(Path(out))
     weights = load_weights(run)
     learned = weights.learned(run)
@@ -88,7 +105,9 @@ def drive_robot(
         watch = None
         if record is not None:
             _enable_recorded(robot)
-            recorder = Recorder(record, robot, link=url, real=real, config=config, calibration=calibration)
+            recorder = Recorder(
+                record, robot, link=url, real=real, config=config, calibration=calibration
+            )
             watch = stack.enter_context(recorder).watch
         try:
             report = drive(robot, follower, seconds=seconds, watch=watch)
@@ -97,15 +116,21 @@ def drive_robot(
                 Path(out).mkdir(parents=True, exist_ok=True)
                 shape = (1, config.rows, config.actions)
                 about = describe(follower.policy, config, follower.updates)
-                write_weights(Path(out), Weights(follower.policy, follower.weights[1].reshape(shape), follower.updates, about))
+                write_weights(
+                    Path(out),
+                    Weights(
+                        follower.policy, follower.weights[1].reshape(shape), follower.updates, about
+                    ),
+                )
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
 
 
 def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
-    """Record three emulated robots over their real protocols, in real time, as data/recordings/ was made; return their names.
+    """Record three emulated robots over their real protocols, in real time, as data/recordings/ was
+    made; return their names.
 
-    An e-puck1 learns on raw readings over its serial line, one behind an Overo follows greedily, an e-puck2 follows on metric
-    ones.
+    An e-puck1 learns on raw readings over its serial line, one behind an Overo follows greedily, an
+    e-puck2 follows on metric ones.
     """
     from workbench.arena.emulator import Emulator
     from workbench.formation.simulated import SimulatedRobot
@@ -116,20 +141,30 @@ def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
     place.mkdir(parents=True, exist_ok=True)
     base = replace(SETTINGS["infrared"], followers=1, state_tiles=(5, 5), action_levels=(3, 3))
     for name, protocol, sensing, learning in (
-        ("emulated_epuck1_learning", "epuck1", "ir-raw", True), ("emulated_overo_following", "overo", "ir-raw", False),
+        ("emulated_epuck1_learning", "epuck1", "ir-raw", True),
+        ("emulated_overo_following", "overo", "ir-raw", False),
         ("emulated_epuck2_following", "epuck2", "ir-metric", False),
-    ):  # fmt: skip
+    ):
         config = replace(base, sensing=sensing)
         run = learn(replace(config, drive="planar"), steps=60_000, progress=False)
         assert isinstance(run.policy, Policy)
         follower = SoloFollower(config, run.policy, steps=10_000 if learning else 0)
-        with Emulator(SimulatedRobot(config.with_seed(7)), protocol) as emulator, open_robot(emulator.url) as robot:
+        with (
+            Emulator(SimulatedRobot(config.with_seed(7)), protocol) as emulator,
+            open_robot(emulator.url) as robot,
+        ):
             _enable_recorded(robot)
             calibration = _calibrate(robot)
             recorder = Recorder(
-                place / f"{name}.csv", robot, link=protocol, real=False, config=config, calibration=calibration,
-                note=f"emulated: simulated physics behind the {protocol} protocol on a real wire, in real time; no real robot",
-            )  # fmt: skip
+                place / f"{name}.csv",
+                robot,
+                link=protocol,
+                real=False,
+                config=config,
+                calibration=calibration,
+                note=f"emulated: simulated physics behind the {protocol} protocol on a real "
+                "wire, in real time; no real robot",
+            )
             with recorder:
                 drive(robot, follower, seconds=seconds, watch=recorder.watch)
         names.append(f"{name}.csv")
@@ -137,9 +172,15 @@ def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:
 
 
 def record_robot(
-    url: str, out: str | Path, *, seconds: float, speeds: tuple[int, int] = (0, 0), real: bool = False
+    url: str,
+    out: str | Path,
+    *,
+    seconds: float,
+    speeds: tuple[int, int] = (0, 0),
+    real: bool = False,
 ) -> dict[str, Any]:
-    """Record a robot that stands, or drives at constant speeds in steps/s; return rows and missed deadlines.
+    """Record a robot that stands, or drives at constant speeds in steps/s; return rows and missed
+    deadlines.
 
     Raises:
         ValueError: a recording instead of a robot, speeds beyond the motors' limit, no time.
@@ -147,19 +188,30 @@ def record_robot(
     _check_seconds(seconds)
     with open_robot(url) as robot:
         if "drive" not in robot.capabilities:
-            raise ValueError(f"{url} cannot be driven and is a recording already; copy its .csv and .json instead")
+            raise ValueError(
+                f"{url} cannot be driven and is a recording already; copy its .csv and .json "
+                "instead"
+            )
         for speed in speeds:
             if abs(speed) > robot.most_steps:
-                raise ValueError(f"speeds = {speeds!r}; expected -{robot.most_steps} to {robot.most_steps} steps/s")
+                raise ValueError(
+                    f"speeds = {speeds!r}; expected -{robot.most_steps} to {robot.most_steps} "
+                    "steps/s"
+                )
         _enable_recorded(robot)
-        with Recorder(out, robot, link=url, real=real, note="robot driven at constant speeds") as recorder:
+        with Recorder(
+            out, robot, link=url, real=real, note="robot driven at constant speeds"
+        ) as recorder:
             period = robot.period_s or CONTROL_PERIOD  # of a robot without wall-clock time
             rows = max(1, round(seconds / period))
             for _ in range(rows):
                 robot.step()
                 robot.set_motors_speed(*speeds)
                 recorder.add(robot.time_s, robot, command=robot.commanded)
-        late = {"missed_deadlines": robot.missed_deadlines, "worst_latency_s": robot.worst_latency_s}
+        late = {
+            "missed_deadlines": robot.missed_deadlines,
+            "worst_latency_s": robot.worst_latency_s,
+        }
         return {"rows": rows, **late, "watchdog_stops": robot.watchdog_stops}
 
 
@@ -185,7 +237,8 @@ def _check_senses(robot: Robot, config: ConvoyConfig, url: str) -> None:
     if needed not in robot.capabilities or "drive" not in robot.capabilities:
         lacking = "drive" if needed in robot.capabilities else needed
         raise ValueError(
-            f"{url} cannot {lacking!r}; a run with sensing = {config.sensing!r} needs a robot that can be driven and "
+            f"{url} cannot {lacking!r}; a run with sensing = {config.sensing!r} needs a robot "
+            "that can be driven and "
             + (
                 "read its proximity sensors"
                 if needed == "proximity"

@@ -1,11 +1,13 @@
-"""One writer per folder: a lock that its owner signs, and that ends with the process whatever ends it.
+"""One writer per folder: a lock that its owner signs, and that ends with the process whatever ends
+it.
 
 >>> import tempfile
 >>> with tempfile.TemporaryDirectory() as folder, locked(Path(folder)):
 ...     print(owner(Path(folder)) == f"process {os.getpid()} on {socket.gethostname()}")
 True
 
-Contract: the lock is the operating system's (``filelock``), on the file ``.lock`` in the folder, which stays there empty.
+Contract: the lock is the operating system's (``filelock``), on the file ``.lock`` in the folder,
+which stays there empty.
 """
 
 import contextlib
@@ -44,11 +46,14 @@ def locked(folder: Path, *, wait_s: float = 0.0) -> Iterator[None]:
         except Timeout:
             if wait_s <= _SAY_AFTER_S:
                 raise
-            warnings.warn(f"{folder} is in use by {owner(folder)}; waiting until it is done", stacklevel=3)
+            warnings.warn(
+                f"{folder} is in use by {owner(folder)}; waiting until it is done", stacklevel=3
+            )
             lock.acquire(timeout=wait_s - _SAY_AFTER_S)
     except Timeout:
         raise FolderInUse(
-            f"{folder} is in use by {owner(folder)}; wait until it is done and resume, or choose another folder"
+            f"{folder} is in use by {owner(folder)}; wait until it is done and resume, or "
+            "choose another folder"
         ) from None
     try:
         yield

@@ -1,7 +1,8 @@
-"""Execute the notebooks as a reader would, and store them without anything that changes from run to run.
+"""Execute the notebooks as a reader would, and store them without anything that changes from run to
+run.
 
-Stored notebooks keep their outputs, so that a reader without a kernel sees every figure; timing, widget state, stderr and
-the interpreter's patch version are removed.
+Stored notebooks keep their outputs, so that a reader without a kernel sees every figure; timing,
+widget state, stderr and the interpreter's patch version are removed.
 """
 
 import contextlib
@@ -17,9 +18,11 @@ TIME_OUT_S = 1800  # per cell
 
 
 def execute(path: Path, *, store: bool) -> None:
-    """Run a notebook from a clean kernel, top to bottom, in its own folder; store it normalised if asked to.
+    """Run a notebook from a clean kernel, top to bottom, in its own folder; store it normalised if
+    asked to.
 
-    A stored notebook has the static twins of its widgets (WORKBENCH_STATIC=1): a page without a kernel shows nothing else.
+    A stored notebook has the static twins of its widgets (WORKBENCH_STATIC=1): a page without a
+    kernel shows nothing else.
 
     Raises:
         RuntimeError: a cell failed; the message names the notebook and has the cell's traceback.
@@ -55,11 +58,21 @@ def execute_and_store(path: Path) -> None:
 
 
 def normalise(notebook: NotebookNode) -> NotebookNode:
-    """Return the notebook without timing, widget state, stderr and interpreter details (changed in place)."""
+    """Return the notebook without timing, widget state, stderr and interpreter details (changed in
+    place).
+    """
     notebook.metadata = nbformat.from_dict(
         {
-            "kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
-            "language_info": {"name": "python", "file_extension": ".py", "mimetype": "text/x-python"},
+            "kernelspec": {
+                "display_name": "Python 3 (ipykernel)",
+                "language": "python",
+                "name": "python3",
+            },
+            "language_info": {
+                "name": "python",
+                "file_extension": ".py",
+                "mimetype": "text/x-python",
+            },
         }
     )
     for number, cell in enumerate(notebook.cells):
@@ -76,7 +89,12 @@ def _one_stream(outputs: list[NotebookNode]) -> list[NotebookNode]:
     """Join what was printed in a row: into how many messages it was cut depends on the clock."""
     joined: list[NotebookNode] = []
     for out in outputs:
-        if joined and out.output_type == "stream" and joined[-1].output_type == "stream" and joined[-1].name == out.name:
+        if (
+            joined
+            and out.output_type == "stream"
+            and joined[-1].output_type == "stream"
+            and joined[-1].name == out.name
+        ):
             joined[-1].text += out.text
         else:
             joined.append(out)

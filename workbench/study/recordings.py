@@ -1,21 +1,28 @@
-"""Recordings: what a robot read and was told, period by period, as a CSV with a JSON file beside it.
+"""Recordings: what a robot read and was told, period by period, as a CSV with a JSON file beside
+it.
 
     t_s                                seconds since the first row, strictly rising
-    ps0 … ps7                          proximity in counts         light0 … light7    ambient in counts
-    gs_left, gs_centre, gs_right       ground sensors in counts    left_steps, right_steps   step counters
+    ps0 … ps7, light0 … light7         proximity and ambient light in counts
+    gs_left, gs_centre, gs_right       ground sensors in counts
+    left_steps, right_steps            step counters
     left_command, right_command        steps/s, sent after the readings of the row
-    state, action, probability         the learner's cell and action at that moment (-1: none) and the action's probability
+    state, action, probability         the learner's cell and action at that moment (-1: none) and
+                                       the action's probability
     phase                              of the follower, see ``formation.reset`` (0: following)
-    x_m, y_m, heading_rad, …_ahead     poses of the robot and of the one in front, where there is a camera
+    x_m, y_m, heading_rad, …_ahead     poses of the robot and of the one in front, where there is a
+                                       camera
 
-The sidecar (same name, .json) says schema, robot, link, whether the robot is real, units, calibration, configuration, and, once
-closed, rows and sha256. Every row is one write and goes to the disk within a second: a killed recorder leaves a file that
-can be read, but for a last line that the loader drops and reports.
+The sidecar (same name, .json) says schema, robot, link, whether the robot is real, units,
+calibration, configuration, and, once closed, rows and sha256. Every row is one write and goes to
+the disk within a second: a killed recorder leaves a file that can be read, but for a last line that
+the loader drops and reports.
 
 >>> _expected_columns({"proximity"}, poses=False)[:3], _expected_columns(set(), poses=False)
-(['t_s', 'ps0', 'ps1'], ['t_s', 'left_command', 'right_command', 'state', 'action', 'probability', 'phase'])
+(['t_s', 'ps0', 'ps1'], ['t_s', 'left_command', 'right_command', 'state', 'action', 'probability',
+'phase'])
 
-Contract: a recording is only ever appended to by its recorder and never changed. Tables without time are no recordings.
+Contract: a recording is only ever appended to by its recorder and never changed. Tables without
+time are no recordings.
 """
 
 import hashlib
@@ -46,9 +53,13 @@ GROUPS = {  # sensor: columns, unit, lowest and highest value
     "motor_position": (["left_steps", "right_steps"], "motor steps", -(2**53), 2**53),
 }
 DONE = {  # what was done in a row: unit, lowest and highest value
-    "left_command": ("steps/s", -1100, 1100), "right_command": ("steps/s", -1100, 1100), "state": ("cell, -1: none", -1, 2**31),
-    "action": ("index, -1: none", -1, 2**31), "probability": ("", 0, 1), "phase": ("index", 0, len(PHASES) - 1),
-}  # fmt: skip
+    "left_command": ("steps/s", -1100, 1100),
+    "right_command": ("steps/s", -1100, 1100),
+    "state": ("cell, -1: none", -1, 2**31),
+    "action": ("index, -1: none", -1, 2**31),
+    "probability": ("", 0, 1),
+    "phase": ("index", 0, len(PHASES) - 1),
+}
 POSES = [f"{name}{who}" for who in ("", "_ahead") for name in ("x_m", "y_m", "heading_rad")]
 WHOLE = ("left_command", "right_command", "state", "action", "phase")
 GAP_S = 1.0  # s between two rows that count as a gap
@@ -92,24 +103,38 @@ class Recorder:
     ) -> None:
         self.path = Path(path)
         if real and link.startswith(("sim:", "log:")):
-            raise ValueError(f"real = {real!r} with link = {link!r}; that is no real robot: leave --real out")
+            raise ValueError(
+                f"real = {real!r} with link = {link!r}; that is no real robot: leave --real out"
+            )
         if self.path.suffix != ".csv":
             raise ValueError(f"path = {str(path)!r}; expected a name that ends in .csv")
         side = self.path.with_suffix(".json")
         if self.path.exists() or side.exists():
             raise FileExistsError(
-                f"{self.path} or its .json exists already; recordings are never overwritten: choose another name"
+                f"{self.path} or its .json exists already; recordings are never overwritten: "
+                "choose another name"
             )
         self.sensors = [sensor for sensor in GROUPS if sensor in robot.get_sensors_enabled()]
         self.columns = _expected_columns(set(self.sensors), poses=poses)
-        self._poses, self._rows, self._synced = poses, 0, 0.0
+        self._poses = poses
+        self._rows = 0
+        self._synced = 0.0
         period = robot.period_s or CONTROL_PERIOD
         self.header: dict[str, Any] = {
-            "schema": SCHEMA, "robot": robot.get_sercom_version(), "link": link, "real": real, "rate_hz": 1 / period,
-            "columns": self.columns, "units": {column: _unit(column) for column in self.columns}, "calibration": calibration,
-            "config": fields.to_dict(config) if config is not None else None, "note": note,
-            "complete": False, "rows": None, "sha256": None,
-        }  # fmt: skip
+            "schema": SCHEMA,
+            "robot": robot.get_sercom_version(),
+            "link": link,
+            "real": real,
+            "rate_hz": 1 / period,
+            "columns": self.columns,
+            "units": {column: _unit(column) for column in self.columns},
+            "calibration": calibration,
+            "config": fields.to_dict(config) if config is not None else None,
+            "note": note,
+            "complete": False,
+            "rows": None,
+            "sha256": None,
+        }
         write_json(side, self.header)
         self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         self._write(",".join(self.columns))
@@ -123,13 +148,17 @@ class Recorder:
         follower: SoloFollower | None = None,
         poses: Sequence[float] = (),
     ) -> None:
-        """Append one row: the robot's readings, the command sent after them, and what the follower thought.
+        """Append one row: the robot's readings, the command sent after them, and what the follower
+        thought.
 
         Raises:
             ValueError: the number of poses is not what was announced.
         """
         if len(poses) != (len(POSES) if self._poses else 0):
-            raise ValueError(f"{len(poses)} pose values; expected {len(POSES) if self._poses else 0}: {', '.join(POSES)}")
+            raise ValueError(
+                f"{len(poses)} pose values; expected {len(POSES) if self._poses else 0}: "
+                f"{', '.join(POSES)}"
+            )
         row: list[float] = [t_s]
         for sensor in self.sensors:
             row += list(robot.reading(sensor))
@@ -139,8 +168,18 @@ class Recorder:
         else:
             record = follower.record
             following = record["state"] >= 0
-            row += [record["state"], record["action"] if following else -1, follower.probability, follower.step["phase"]]
-        self._write(",".join(_text(column, value) for column, value in zip(self.columns, [*row, *poses], strict=True)))
+            row += [
+                record["state"],
+                record["action"] if following else -1,
+                follower.probability,
+                follower.step["phase"],
+            ]
+        self._write(
+            ",".join(
+                _text(column, value)
+                for column, value in zip(self.columns, [*row, *poses], strict=True)
+            )
+        )
         self._rows += 1
 
     def watch(self, follower: SoloFollower, robot: Robot, t_s: float) -> None:
@@ -160,7 +199,12 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def _write(self, line: str) -> None:
@@ -201,11 +245,17 @@ class Recording:
         """Return rows, duration, rate and what it is, as plain values."""
         intervals = np.diff(self.frame["t_s"]) if len(self.frame) > 1 else np.array([np.nan])
         return {
-            "rows": len(self.frame), "duration_s": float(self.frame["t_s"].iloc[-1]) if len(self.frame) else 0.0,
-            "rate_hz": float(1 / np.median(intervals)), "longest_interval_s": float(np.max(intervals)),
-            "robot": self.header["robot"], "link": self.header["link"], "real": self.header["real"],
-            "complete": self.header["complete"], "truncated": self.truncated, "sensors": self.sensors,
-        }  # fmt: skip
+            "rows": len(self.frame),
+            "duration_s": float(self.frame["t_s"].iloc[-1]) if len(self.frame) else 0.0,
+            "rate_hz": float(1 / np.median(intervals)),
+            "longest_interval_s": float(np.max(intervals)),
+            "robot": self.header["robot"],
+            "link": self.header["link"],
+            "real": self.header["real"],
+            "complete": self.header["complete"],
+            "truncated": self.truncated,
+            "sensors": self.sensors,
+        }
 
 
 def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
@@ -217,7 +267,8 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
 
     Raises:
         FileNotFoundError: the CSV or its sidecar is missing.
-        ValueError: the first thing that is wrong, by row (1 is the first after the header) and column.
+        ValueError: the first thing that is wrong, by row (1 is the first after the header) and
+            column.
     """
     place = Path(path)
     if place.suffix != ".csv" or place.is_dir():
@@ -227,14 +278,22 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
     header = read_json(place.with_suffix(".json"))
     if not isinstance(header, dict) or header.get("schema") != SCHEMA:
         raise ValueError(f"{place.with_suffix('.json')} is no sidecar of schema {SCHEMA}")
-    lacking = [key for key in ("columns", "rate_hz", "complete", "config", "robot", "link", "real") if key not in header]
+    lacking = [
+        key
+        for key in ("columns", "rate_hz", "complete", "config", "robot", "link", "real")
+        if key not in header
+    ]
     if lacking:
         raise ValueError(f"{place.with_suffix('.json')} lacks {', '.join(lacking)}")
     rate = header["rate_hz"]
     if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 1e6:
-        raise ValueError(f"{place.with_suffix('.json')}: rate_hz = {rate!r}; expected rows per second")
+        raise ValueError(
+            f"{place.with_suffix('.json')}: rate_hz = {rate!r}; expected rows per second"
+        )
     if header["complete"] and not place.is_file():
-        raise FileNotFoundError(f"{place} does not exist, though its sidecar says that it is complete; restore it")
+        raise FileNotFoundError(
+            f"{place} does not exist, though its sidecar says that it is complete; restore it"
+        )
     most = MAX_STEPS_EPUCK2
     if header["config"] is not None:
         try:
@@ -244,16 +303,25 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
     content = place.read_bytes() if place.is_file() else b""  # killed before the first byte
     if header["complete"] and header.get("sha256") != hashlib.sha256(content).hexdigest():
         raise ValueError(
-            f"{place} is not what its sidecar's sha256 says: it was changed (line ends, perhaps) or cut after it was recorded"
+            f"{place} is not what its sidecar's sha256 says: it was changed (line ends, "
+            "perhaps) or cut after it was recorded"
         )
     whole, _, rest = content.rpartition(b"\n")
     if not whole and not header["complete"]:
         return Recording(pd.DataFrame(columns=header["columns"], dtype=float), header, bool(rest))
     lines = whole.decode("utf-8", "replace").split("\n")
     if lines[0].split(",") != header["columns"]:
-        raise ValueError(f"{place}, row 0: columns {lines[:1]}; expected {','.join(header['columns'])}")
-    rows = [_parse(place, number, line, header["columns"]) for number, line in enumerate(lines[1:], start=1)]
-    frame = pd.DataFrame(np.array(rows, dtype=np.float64).reshape(-1, len(header["columns"])), columns=header["columns"])
+        raise ValueError(
+            f"{place}, row 0: columns {lines[:1]}; expected {','.join(header['columns'])}"
+        )
+    rows = [
+        _parse(place, number, line, header["columns"])
+        for number, line in enumerate(lines[1:], start=1)
+    ]
+    frame = pd.DataFrame(
+        np.array(rows, dtype=np.float64).reshape(-1, len(header["columns"])),
+        columns=header["columns"],
+    )
     _check(place, frame, float(header["rate_hz"]), gap_s, most)
     for column in WHOLE:
         if column in frame:
@@ -270,13 +338,17 @@ def _parse(place: Path, number: int, line: str, columns: list[str]) -> list[floa
         try:
             value = float(cell)
         except ValueError:
-            raise ValueError(f"{place}, row {number}, column {column}: {cell!r}; expected a number") from None
+            raise ValueError(
+                f"{place}, row {number}, column {column}: {cell!r}; expected a number"
+            ) from None
         row.append(value)
     return row
 
 
 def _check(place: Path, frame: pd.DataFrame, rate_hz: float, gap_s: float, most: int) -> None:
-    """Name the first violation, row by row; ``most`` is the fastest command that there can be, steps/s."""
+    """Name the first violation, row by row; ``most`` is the fastest command that there can be,
+    steps/s.
+    """
     if "t_s" not in frame:
         raise ValueError(f"{place} has no column t_s; a table without time is no recording")
     values = frame.to_numpy()
@@ -295,15 +367,24 @@ def _check(place: Path, frame: pd.DataFrame, rate_hz: float, gap_s: float, most:
             a, b = _range(column, most)
             kind = "a whole number" if column in WHOLE else "a number"
             raise ValueError(
-                f"{place}, row {row + 1}, column {column}: {values[row][wrong[row]][0]:g}; expected {kind} from {a:g} to {b:g}"
+                f"{place}, row {row + 1}, column {column}: {values[row][wrong[row]][0]:g}; "
+                f"expected {kind} from {a:g} to {b:g}"
             )
         if order[row]:
-            raise ValueError(f"{place}, row {row + 1}, column t_s: {t[row]:g} after {t[row - 1]:g}; expected rising times")
-        raise ValueError(f"{place}, row {row + 1}, column t_s: {step[row]:.3g} s without a row; expected at most {gap_s:g} s")
+            raise ValueError(
+                f"{place}, row {row + 1}, column t_s: {t[row]:g} after {t[row - 1]:g}; "
+                "expected rising times"
+            )
+        raise ValueError(
+            f"{place}, row {row + 1}, column t_s: {step[row]:.3g} s without a row; expected "
+            f"at most {gap_s:g} s"
+        )
     if len(t) > 2:
         rate = 1 / float(np.median(step[1:]))
         if not 0.8 * rate_hz <= rate <= 1.25 * rate_hz:
-            raise ValueError(f"{place}, column t_s: {rate:.3g} rows a second; its sidecar says {rate_hz:.3g}")
+            raise ValueError(
+                f"{place}, column t_s: {rate:.3g} rows a second; its sidecar says {rate_hz:.3g}"
+            )
 
 
 def _range(column: str, most: int) -> tuple[float, float]:

@@ -1,9 +1,11 @@
-"""What is kept of a run: per block and follower the visits, errors, losses and rewards, and whole sampled blocks.
+"""What is kept of a run: per block and follower the visits, errors, losses and rewards, and whole
+sampled blocks.
 
-``Recorder`` consumes the blocks that a convoy yields, one formation each. ``summarise`` makes the numbers of a run from
-its records, so that they can always be computed again from the stored file.
+``Recorder`` consumes the blocks that a convoy yields, one formation each. ``summarise`` makes the
+numbers of a run from its records, so that they can always be computed again from the stored file.
 
-Contract: every array is plain, without pickle. Lengths in m, angles in rad; the summary converts to mm and degrees.
+Contract: every array is plain, without pickle. Lengths in m, angles in rad; the summary converts to
+mm and degrees.
 """
 
 import math
@@ -21,11 +23,28 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.study.statistics import best_block, best_cell, moments
 from workbench.study.storage import plain
 
-SAMPLED = (0.0, 0.01, 0.1, 0.5)  # parts of the run after which a whole block is kept; the last whole one is kept too
+SAMPLED = (
+    0.0,
+    0.01,
+    0.1,
+    0.5,
+)  # parts of the run after which a whole block is kept; the last whole one is kept too
 SUMS = (
-    "visits", "distance", "distance2", "bearing", "bearing2", "reward",
-    "losses", "recovered", "timed_out", "gave_up", "periods", "away", "lost", "collisions",
-)  # fmt: skip
+    "visits",
+    "distance",
+    "distance2",
+    "bearing",
+    "bearing2",
+    "reward",
+    "losses",
+    "recovered",
+    "timed_out",
+    "gave_up",
+    "periods",
+    "away",
+    "lost",
+    "collisions",
+)
 _EVENTS = (LOSS, RECOVERED, TIMED_OUT, GAVE_UP)
 RECORDS = ("starts", "sums", "visits", "samples", "sample_lengths", "sample_starts")
 Records = dict[str, NDArray[Any]]
@@ -36,11 +55,13 @@ class Recorder:
 
     Args:
         config: of the convoy.
-        length: learning updates (or control periods) of the whole run, against which progress is measured.
+        length: learning updates (or control periods) of the whole run, against which progress is
+            measured.
     """
 
     def __init__(self, config: ConvoyConfig, length: int) -> None:
-        self.config, self.length = config, length
+        self.config = config
+        self.length = length
         self._states = config.grid().n
         self._rows: list[NDArray[np.float64]] = []
         self._visits: list[NDArray[np.int32]] = []
@@ -51,20 +72,32 @@ class Recorder:
         self._last_start = 0
 
     def add(self, block: NDArray[np.void], start: int) -> None:
-        """Record one block (periods, followers + 1) of STEP that began after ``start`` updates (or periods)."""
-        block = block[: np.count_nonzero(block["phase"][:, 0] >= 0)]  # a formation that finished stays finished
+        """Record one block (periods, followers + 1) of STEP that began after ``start`` updates (or
+        periods).
+        """
+        block = block[
+            : np.count_nonzero(block["phase"][:, 0] >= 0)
+        ]  # a formation that finished stays finished
         sums = np.zeros((self.config.followers, len(SUMS)))
         visits = np.zeros((self.config.followers, self._states), np.int32)
         _reduce(block, sums, visits)
-        count_collisions(block, self._last[-1:], sums[:, SUMS.index("collisions")], 2 * self.config.robot.body_radius_m)
+        count_collisions(
+            block,
+            self._last[-1:],
+            sums[:, SUMS.index("collisions")],
+            2 * self.config.robot.body_radius_m,
+        )
         self._rows.append(sums)
         self._visits.append(visits)
-        due = len(self._samples) < len(SAMPLED) and start >= SAMPLED[len(self._samples)] * self.length
+        due = (
+            len(self._samples) < len(SAMPLED) and start >= SAMPLED[len(self._samples)] * self.length
+        )
         if due:
             self._samples.append(block.copy())
             self._sample_starts.append(start)
         if len(block) >= len(self._last):  # a run's very last block may be short
-            self._last, self._last_start = block.copy(), start
+            self._last = block.copy()
+            self._last_start = start
         self._starts.append(start)
 
     def records(self) -> Records:
@@ -72,15 +105,19 @@ class Recorder:
 
         Returns:
             starts: (K,) updates (periods) before each block.
-            sums: (K, followers, len(SUMS)) see SUMS: visits, sums of errors and their squares (m, rad) and of rewards,
-                event counts, control periods in all, away from following, and lost among them, and collisions: how often the
-                robot began to touch one in front of it in line (seen once per control period).
+            sums: (K, followers, len(SUMS)) see SUMS: visits, sums of errors and their squares (m,
+                rad) and of rewards, event counts, control periods in all, away from following, and
+                lost among them, and collisions: how often the robot began to touch one in front of
+                    it in line (seen once per control period).
             visits: (K, followers, states).
-            samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last whole block at the end.
-            sample_lengths, sample_starts: (M,) periods of each sampled block, updates (periods) before it.
+            samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last
+                whole block at the end.
+            sample_lengths, sample_starts: (M,) periods of each sampled block, updates (periods)
+                before it.
         """
         n = self.config.followers
-        samples, starts = [*self._samples, self._last], [*self._sample_starts, self._last_start]
+        samples = [*self._samples, self._last]
+        starts = [*self._sample_starts, self._last_start]
         return {
             "starts": np.array(self._starts, dtype=np.int64),
             "sums": np.array(self._rows).reshape(-1, n, len(SUMS)),
@@ -93,21 +130,28 @@ class Recorder:
     def load(self, records: Mapping[str, NDArray[Any]]) -> None:
         """Continue from ``records``."""
         self._starts = [int(start) for start in records["starts"]]
-        self._rows, self._visits = list(records["sums"]), list(records["visits"])
+        self._rows = list(records["sums"])
+        self._visits = list(records["visits"])
         blocks = np.split(records["samples"], np.cumsum(records["sample_lengths"])[:-1])
         starts = [int(start) for start in records["sample_starts"]]
-        self._samples, self._last = blocks[:-1], blocks[-1]
-        self._sample_starts, self._last_start = starts[:-1], starts[-1]
+        self._samples = blocks[:-1]
+        self._last = blocks[-1]
+        self._sample_starts = starts[:-1]
+        self._last_start = starts[-1]
 
 
 @compiled
 def _reduce(block: Any, sums: Any, visits: Any) -> None:
-    """Add up a block's followers: sums (followers, len(SUMS)) and visits (followers, states), in the order of SUMS."""
+    """Add up a block's followers: sums (followers, len(SUMS)) and visits (followers, states), in
+    the order of SUMS.
+    """
     for t in range(block.shape[0]):
         for i in range(1, block.shape[1]):
-            step, row = block[t, i], sums[i - 1]
+            step = block[t, i]
+            row = sums[i - 1]
             if step.state >= 0:
-                e_d, o_err = float(step.distance_error), float(step.bearing)
+                e_d = float(step.distance_error)
+                o_err = float(step.bearing)
                 visits[i - 1, step.state] += 1
                 row[0] += 1
                 row[1] += e_d
@@ -143,7 +187,9 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
                     if t:
                         touched = _touching(block[t - 1, i], block[t - 1, j], touch)
                     else:
-                        touched = before.shape[0] > 0 and _touching(before[0, i], before[0, j], touch)
+                        touched = before.shape[0] > 0 and _touching(
+                            before[0, i], before[0, j], touch
+                        )
                     counts[i - 1] += not touched
 
 
@@ -154,34 +200,55 @@ def _touching(a: Any, b: Any, touch: float) -> bool:
 
 
 def sampled_blocks(records: Mapping[str, NDArray[Any]]) -> list[tuple[int, NDArray[np.void]]]:
-    """Return the sampled blocks as (updates or periods before it, (periods, followers + 1) of STEP)."""
+    """Return the sampled blocks as (updates or periods before it, (periods, followers + 1) of
+    STEP).
+    """
     blocks = np.split(records["samples"], np.cumsum(records["sample_lengths"])[:-1])
-    return [(int(start), block) for start, block in zip(records["sample_starts"], blocks, strict=True)]
+    return [
+        (int(start), block) for start, block in zip(records["sample_starts"], blocks, strict=True)
+    ]
 
 
-def summarise(config: ConvoyConfig, length: int, updates: int, records: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def summarise(
+    config: ConvoyConfig, length: int, updates: int, records: Mapping[str, NDArray[Any]]
+) -> dict[str, Any]:
     """Return the numbers of a run as plain values; shares and errors are pooled over the followers.
 
-    Keys ending in ``_last_third`` cover the blocks that began in the last third of the run, ``_all_time`` the same share
-    with reset and lost time in the denominator. A number that no visit decides, such as the errors of a last third without
-    a block, is None. Errors are as the followers sensed them, noise included.
+    Keys ending in ``_last_third`` cover the blocks that began in the last third of the run,
+    ``_all_time`` the same share with reset and lost time in the denominator. A number that no visit
+    decides, such as the errors of a last third without a block, is None. Errors are as the
+    followers sensed them, noise included.
     """
     late = records["starts"] >= 2 / 3 * length
     whole = _numbers(config, records["visits"], records["sums"])
     third = _numbers(config, records["visits"][late], records["sums"][late])
     wanted = (
-        "share_best_cell", "share_best_3x3", "share_best_3x3_all_time", "share_best_cell_all_time", "losses", "losses_per_hour",
+        "share_best_cell",
+        "share_best_3x3",
+        "share_best_3x3_all_time",
+        "share_best_cell_all_time",
+        "losses",
+        "losses_per_hour",
         "collisions",
-        "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg",
-    )  # fmt: skip
+        "rms_distance_mm",
+        "bearing_mean_deg",
+        "bearing_std_deg",
+    )
     return plain(  # type: ignore[no-any-return]  # a dict of plain values
-        {"steps": updates, "seed": config.seed, "followers": config.followers, "drive": config.drive}
+        {
+            "steps": updates,
+            "seed": config.seed,
+            "followers": config.followers,
+            "drive": config.drive,
+        }
         | whole
         | {f"{key}_last_third": third[key] for key in wanted}
     )
 
 
-def _numbers(config: ConvoyConfig, visits: NDArray[np.int32], sums: NDArray[np.float64]) -> dict[str, Any]:
+def _numbers(
+    config: ConvoyConfig, visits: NDArray[np.int32], sums: NDArray[np.float64]
+) -> dict[str, Any]:
     pooled = visits.sum(axis=(0, 1)).reshape(config.state_tiles)
     column = {name: sums[:, :, k] for k, name in enumerate(SUMS)}
     cell, cell_place = best_cell(pooled)

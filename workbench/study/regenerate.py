@@ -1,4 +1,6 @@
-"""Make everything that is published: the experiment, every notebook in full mode, and with them ``figures/``."""
+"""Make everything that is published: the experiment, every notebook in full mode, and with them
+``figures/``.
+"""
 
 import pandas as pd
 
@@ -10,21 +12,23 @@ from workbench.study.sweeps import Failed, sweep
 
 
 def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
-    """Run the experiment (or load it where it is stored) and all notebooks, and compare with what was there before.
+    """Run the experiment (or load it where it is stored) and all notebooks, and compare with what
+    was there before.
 
     Args:
         check: put the earlier figures and notebooks back afterwards; only tell what would change.
 
     Returns:
-        (files, numbers): names of figure files whose bytes differ, and the plotted numbers that differ, see
-        ``compare_numbers``.
+        (files, numbers): names of figure files whose bytes differ, and the plotted numbers that
+        differ, see ``compare_numbers``.
 
     Raises:
         RuntimeError: in quick mode, which publishes nothing; or a notebook failed.
     """
     if paths.QUICK:
         raise RuntimeError("WORKBENCH_QUICK=1 is set; figures are only made in full mode: unset it")
-    before, numbers = _figure_bytes(), numbers_in(paths.FIGURES)
+    before = _figure_bytes()
+    numbers = numbers_in(paths.FIGURES)
     notebooks = sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
     stored = {path: path.read_bytes() for path in notebooks}
     try:
@@ -32,7 +36,9 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
         for result in sweep(execute_and_store, notebooks):
             if isinstance(result, Failed):
                 raise RuntimeError(result.error)
-        return changed_files(before, _figure_bytes()), compare_numbers(numbers, numbers_in(paths.FIGURES))
+        return changed_files(before, _figure_bytes()), compare_numbers(
+            numbers, numbers_in(paths.FIGURES)
+        )
     finally:
         if check:
             for path in paths.FIGURES.glob("*"):

@@ -1,7 +1,8 @@
 """A recording behind the robot API: the same readings in the same order, nothing to drive.
 
-Contract: ``step`` gives one row after the other, as fast as it is called; after the last row it raises RecordingEnded. What
-a follower would do with the readings is up to the caller: commands are refused, the recorded ones are in ``recorded_command``.
+Contract: ``step`` gives one row after the other, as fast as it is called; after the last row it
+raises RecordingEnded. What a follower would do with the readings is up to the caller: commands are
+refused, the recorded ones are in ``recorded_command``.
 """
 
 from collections.abc import Sequence
@@ -42,13 +43,17 @@ class ReplayedRobot(Robot):
         frame = self.recording.frame
         self._row = min(self._row + 1, len(frame))
         if self._row == len(frame):
-            raise RecordingEnded(f"the recording has {len(frame)} rows; connect again to start over")
+            raise RecordingEnded(
+                f"the recording has {len(frame)} rows; connect again to start over"
+            )
         row = frame.iloc[self._row]
         if self.debug:
             print(f"{row['t_s']:.3f} s")
         found: dict[str, tuple[float, ...]] = {}
         for sensor in sensors:
-            columns = ["left_command", "right_command"] if sensor == "motor_speed" else GROUPS[sensor][0]
+            columns = (
+                ["left_command", "right_command"] if sensor == "motor_speed" else GROUPS[sensor][0]
+            )
             found[sensor] = tuple(float(value) for value in row[columns])
         return found
 
@@ -64,7 +69,10 @@ class ReplayedRobot(Robot):
     @property
     def _now(self) -> pd.Series:
         if not 0 <= self._row < len(self.recording.frame):
-            raise RecordingEnded(f"there is no row now: the recording has {len(self.recording.frame)} rows; call step() first")
+            raise RecordingEnded(
+                f"there is no row now: the recording has {len(self.recording.frame)} rows; "
+                "call step() first"
+            )
         return self.recording.frame.iloc[self._row]
 
     @property

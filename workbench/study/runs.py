@@ -1,8 +1,9 @@
 """Runs: learn, evaluate greedily, store, load and continue.
 
-A run is a folder: ``config.json`` (configuration, length, versions), ``weights.npz``, ``records.npz``, ``summary.json``
-(written last: a folder that has it is complete) and ``checkpoint.npz``. A run that is killed at any moment continues
-from its last checkpoint and ends with the same bytes as one that never stopped. Clocks stay out of the folder.
+A run is a folder: ``config.json`` (configuration, length, versions), ``weights.npz``,
+``records.npz``, ``summary.json`` (written last: a folder that has it is complete) and
+``checkpoint.npz``. A run that is killed at any moment continues from its last checkpoint and ends
+with the same bytes as one that never stopped. Clocks stay out of the folder.
 
 >>> from workbench.formation.config import ConvoyConfig
 >>> run = learn(ConvoyConfig(followers=1, drive="planar"), steps=200, progress=False)
@@ -42,7 +43,13 @@ from workbench.study.weights import Weights, describe, load_weights, write_weigh
 
 SCHEMA = 5
 FILES = ("config.json", "weights.npz", "records.npz", "summary.json", "checkpoint.npz")
-REQUEST = ("kind", "length", "policy_sha256", "reward_sha256", "config")  # what must agree for a run to be continued
+REQUEST = (
+    "kind",
+    "length",
+    "policy_sha256",
+    "reward_sha256",
+    "config",
+)  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
 
 
@@ -55,7 +62,8 @@ class Run:
         config: what it ran with.
         length: learning updates asked for ("learn") or control periods ("evaluate").
         updates: learning updates done.
-        policy: the learned (or the followed) action values with their tiles and levels, or the law that drove.
+        policy: the learned (or the followed) action values with their tiles and levels, or the law
+            that drove.
         w: (tables, rows, actions) secondary weights.
         records: see ``workbench.study.records.Recorder.records``.
         reward_sha256: of the reward of one's own that it learned with, if it did.
@@ -92,7 +100,10 @@ class Run:
         if not overwrite:
             storage.refuse_existing(folder)
         with locked(folder):
-            for name in ("summary.json", "checkpoint.npz"):  # from here to the end the folder is not complete
+            for name in (
+                "summary.json",
+                "checkpoint.npz",
+            ):  # from here to the end the folder is not complete
                 (folder / name).unlink(missing_ok=True)
             started = self.policy if self.kind == "evaluate" else None
             header = _header(self.kind, self.config, self.length, started, self.reward_sha256)
@@ -118,7 +129,8 @@ def learn(
         config: robots, track, task, learner and seed.
         steps: learning updates, summed over the followers.
         policy: action values to start from; default: all θ₀.
-        reward: a reward of your own, r(u, v), see ``workbench.formation.own``; the run's config then says reward = "own".
+        reward: a reward of your own, r(u, v), see ``workbench.formation.own``; the run's config
+            then says reward = "own".
         out: folder of the run; checkpoints are kept there.
         resume: continue an interrupted run in ``out``, or load it if it is complete.
         wait_s: seconds to wait where another process writes to ``out``.
@@ -135,7 +147,9 @@ def learn(
     policies: list[Controller] | None = [policy] if policy is not None else None
     config, own = with_reward(config, reward)
     length = fields.positive("steps", steps)
-    batch = _Batch("learn", config, (config.seed,), length, policies, [folder] if folder else None, reward=own)
+    batch = _Batch(
+        "learn", config, (config.seed,), length, policies, [folder] if folder else None, reward=own
+    )
     return batch.run(folder, resume, wait_s, progress, checkpoint_s)[0]
 
 
@@ -152,11 +166,15 @@ def learn_seeds(
     checkpoint_s: float = CHECKPOINT_S,
     threads: int = 0,
 ) -> list[Run]:
-    """Learn with several seeds as one batch of formations; arguments as ``learn``, each run in ``out``/seed-N."""
+    """Learn with several seeds as one batch of formations; arguments as ``learn``, each run in
+    ``out``/seed-N.
+    """
     folder = _place(out)
     folders = [folder / f"seed-{seed}" for seed in seeds] if folder else None
     config, own = with_reward(config, reward)
-    batch = _Batch("learn", config, tuple(seeds), fields.positive("steps", steps), None, folders, threads, own)
+    batch = _Batch(
+        "learn", config, tuple(seeds), fields.positive("steps", steps), None, folders, threads, own
+    )
     return batch.run(folder, resume, wait_s, progress, checkpoint_s)
 
 
@@ -170,10 +188,12 @@ def evaluate(
     wait_s: float = 0.0,
     progress: Progress = True,
 ) -> Run:
-    """Let all followers exploit a policy greedily, without learning, or be driven by a classical law, for a simulated time.
+    """Let all followers exploit a policy greedily, without learning, or be driven by a classical
+    law, for a simulated time.
 
     Raises:
-        ValueError: the policy's tiles or actions are not the configuration's, or its sensing does not give what the law needs.
+        ValueError: the policy's tiles or actions are not the configuration's, or its sensing does
+            not give what the law needs.
         FileExistsError: ``out`` has something in it and resume is False.
     """
     folder = _place(out)
@@ -193,10 +213,12 @@ def evaluate_seeds(
     progress: Progress = True,
     threads: int = 0,
 ) -> list[Run]:
-    """Evaluate policies[k] greedily with seeds[k], as one batch of formations; each run in ``out``/seed-N.
+    """Evaluate policies[k] greedily with seeds[k], as one batch of formations; each run in
+    ``out``/seed-N.
 
     Raises:
-        ValueError: a policy does not fit the configuration, or the numbers of policies and seeds differ.
+        ValueError: a policy does not fit the configuration, or the numbers of policies and seeds
+            differ.
     """
     folder = _place(out)
     folders = [folder / f"seed-{seed}" for seed in seeds] if folder else None
@@ -218,11 +240,24 @@ def _evaluation(
     threads: int = 0,
 ) -> "_Batch":
     if len(policies) != len(seeds):
-        raise ValueError(f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed")
+        raise ValueError(
+            f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed"
+        )
     for policy in policies:
         check_controller(policy)
-    if len({policy.theta.shape if isinstance(policy, Policy) else policy.sha256() for policy in policies}) > 1:
-        raise ValueError("the policies differ in their numbers of tables, or are different laws; evaluate them apart")
+    if (
+        len(
+            {
+                policy.theta.shape if isinstance(policy, Policy) else policy.sha256()
+                for policy in policies
+            }
+        )
+        > 1
+    ):
+        raise ValueError(
+            "the policies differ in their numbers of tables, or are different laws; evaluate "
+            "them apart"
+        )
     if not 0 < minutes <= 1e6:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
     periods = fields.positive("periods", round(minutes * 60 / CONTROL_PERIOD))
@@ -240,12 +275,18 @@ def load_run(path: str | Path) -> Run:
     if not (folder / "config.json").is_file():
         raise FileNotFoundError(f"{folder} holds no run: config.json is missing")
     if not (folder / "summary.json").is_file():
-        raise FileNotFoundError(f"{folder} is not complete; continue it with resume=True, or --resume on the command line")
+        raise FileNotFoundError(
+            f"{folder} is not complete; continue it with resume=True, or --resume on the "
+            "command line"
+        )
     header = _read_header(folder)
-    weights, records = load_weights(folder), storage.read_npz(folder / "records.npz")
+    weights = load_weights(folder)
+    records = storage.read_npz(folder / "records.npz")
     lacking = sorted(set(RECORDS) - set(records))
     if lacking:
-        raise ValueError(f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again")
+        raise ValueError(
+            f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again"
+        )
     config = fields.from_dict(ConvoyConfig, header["config"])
     known = {
         "weights.npz": weights.about["provenance"].get("config_sha256"),
@@ -253,13 +294,25 @@ def load_run(path: str | Path) -> Run:
         "summary.json": storage.read_json(folder / "summary.json").get("config_sha256"),
     }
     for name, found in known.items():
-        if found is not None and found != storage.sha256_of(header["config"]):  # runs of before know no hash
+        if found is not None and found != storage.sha256_of(
+            header["config"]
+        ):  # runs of before know no hash
             raise ValueError(
-                f"{folder}: {name} was made under another configuration than config.json says (it was edited, or files of two "
+                f"{folder}: {name} was made under another configuration than config.json says "
+                "(it was edited, or files of two "
                 "runs are mixed); restore config.json, or run again"
             )
     own = header.get("reward_sha256")
-    return Run(header["kind"], config, header["length"], weights.updates, weights.policy, weights.w, records, own)
+    return Run(
+        header["kind"],
+        config,
+        header["length"],
+        weights.updates,
+        weights.policy,
+        weights.w,
+        records,
+        own,
+    )
 
 
 def _word(array: NDArray[Any] | None) -> str | None:
@@ -288,8 +341,12 @@ class _Batch:
     ) -> None:
         check_reward(config, reward, learning=kind == "learn")
         self.reward = reward
-        self.kind, self.length, self.folders, self.threads = kind, length, folders, threads
-        self.config, self.seeds = config, seeds
+        self.kind = kind
+        self.length = length
+        self.folders = folders
+        self.threads = threads
+        self.config = config
+        self.seeds = seeds
         self.configs = [config.with_seed(seed) for seed in seeds]
         self.policies = policies
         for policy in policies or []:
@@ -297,15 +354,30 @@ class _Batch:
             if folders is not None and isinstance(policy, OwnLaw):
                 policy.arrays()  # refuses before anything has run
         if folders is not None and len(set(seeds)) < len(seeds):
-            raise ValueError(f"seeds = {list(seeds)}; each may occur once where runs are stored in folders named after them")
+            raise ValueError(
+                f"seeds = {list(seeds)}; each may occur once where runs are stored in folders "
+                "named after them"
+            )
 
     def headers(self) -> list[dict[str, Any]]:
         """Return what each run's config.json says: everything that its result depends on."""
-        given: list[Controller | None] = list(self.policies) if self.policies else [None] * len(self.seeds)
+        given: list[Controller | None] = (
+            list(self.policies) if self.policies else [None] * len(self.seeds)
+        )
         own = self.reward.sha256 if self.reward is not None else None
-        return [_header(self.kind, config, self.length, policy, own) for config, policy in zip(self.configs, given, strict=True)]
+        return [
+            _header(self.kind, config, self.length, policy, own)
+            for config, policy in zip(self.configs, given, strict=True)
+        ]
 
-    def run(self, folder: Path | None, resume: bool, wait_s: float, progress: Progress, checkpoint_s: float) -> list[Run]:
+    def run(
+        self,
+        folder: Path | None,
+        resume: bool,
+        wait_s: float,
+        progress: Progress,
+        checkpoint_s: float,
+    ) -> list[Run]:
         if folder is None or self.folders is None:
             return self._run(None, False, progress, checkpoint_s)
         if not resume:
@@ -322,11 +394,15 @@ class _Batch:
                 _store(run, place)
             return runs
 
-    def _run(self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float) -> list[Run]:
+    def _run(
+        self, folder: Path | None, resume: bool, progress: Progress, checkpoint_s: float
+    ) -> list[Run]:
         convoy = self._convoy()
         recorders = [Recorder(config, self.length) for config in self.configs]
         checkpoint = folder / "checkpoint.npz" if folder is not None else None
-        request = json.dumps([{key: header[key] for key in REQUEST} for header in self.headers()], sort_keys=True)
+        request = json.dumps(
+            [{key: header[key] for key in REQUEST} for header in self.headers()], sort_keys=True
+        )
         if resume and checkpoint is not None and checkpoint.is_file():
             load_checkpoint(checkpoint, convoy, recorders, request)
         done = int(self._done(convoy).sum())
@@ -336,7 +412,13 @@ class _Batch:
         return self._results(convoy, recorders)
 
     def _loop(
-        self, convoy: Convoy, recorders: list[Recorder], checkpoint: Path | None, request: str, checkpoint_s: float, tell: Any
+        self,
+        convoy: Convoy,
+        recorders: list[Recorder],
+        checkpoint: Path | None,
+        request: str,
+        checkpoint_s: float,
+        tell: Any,
     ) -> None:
         saved = time.monotonic()
         while not convoy.finished:
@@ -358,30 +440,43 @@ class _Batch:
         learning = self.kind == "learn"
         tables = [policy.theta for policy in self.policies or [] if isinstance(policy, Policy)]
         return Convoy(
-            self.config, self.seeds, steps=self.length if learning else 0, periods=None if learning else self.length,
-            policy=np.stack(tables) if tables else None, law=self._law(), reward=self.reward, threads=self.threads,
-        )  # fmt: skip
+            self.config,
+            self.seeds,
+            steps=self.length if learning else 0,
+            periods=None if learning else self.length,
+            policy=np.stack(tables) if tables else None,
+            law=self._law(),
+            reward=self.reward,
+            threads=self.threads,
+        )
 
     def _law(self) -> ControlLaw | None:
         first = self.policies[0] if self.policies else None
         return first if isinstance(first, ControlLaw) else None
 
     def _results(self, convoy: Convoy, recorders: list[Recorder]) -> list[Run]:
-        runs, own = [], self.reward.sha256 if self.reward is not None else None
+        runs = []
+        own = self.reward.sha256 if self.reward is not None else None
         for b, config in enumerate(self.configs):
             theta, w = convoy.tables(b)
             updates = int(convoy.updates[b])
             if self.kind == "learn" and updates < self.length:
                 raise RuntimeError(
-                    f"seed {config.seed}: only {updates} of {self.length} learning updates in {int(convoy.periods[b])} control "
-                    "periods; the followers were lost most of the time: check bounds, speeds and sight_m"
+                    f"seed {config.seed}: only {updates} of {self.length} learning updates in "
+                    f"{int(convoy.periods[b])} control "
+                    "periods; the followers were lost most of the time: check bounds, speeds "
+                    "and sight_m"
                 )
             policy = self._law() or Policy.of(config, theta)
-            runs.append(Run(self.kind, config, self.length, updates, policy, w, recorders[b].records(), own))
+            runs.append(
+                Run(self.kind, config, self.length, updates, policy, w, recorders[b].records(), own)
+            )
         return runs
 
     def _prepare(self, folder: Path, resume: bool) -> None:
-        """Begin or continue in a folder that nobody else writes to; files of others are left alone."""
+        """Begin or continue in a folder that nobody else writes to; files of others are left
+        alone.
+        """
         assert self.folders is not None
         if resume:
             self._check_request()
@@ -403,7 +498,8 @@ class _Batch:
             for key in REQUEST:
                 if header[key] != json.loads(json.dumps(wanted[key])):
                     raise ValueError(
-                        f"{place} was started with {key} = {header[key]!r}, this run asks for {wanted[key]!r}; "
+                        f"{place} was started with {key} = {header[key]!r}, this run asks for "
+                        f"{wanted[key]!r}; "
                         "continue with the same request, or choose another folder"
                     )
             others = [
@@ -413,32 +509,54 @@ class _Batch:
             ]
             if others:
                 warnings.warn(
-                    f"{place} was begun with {', '.join(others)}; continued with other versions it may not be what either "
+                    f"{place} was begun with {', '.join(others)}; continued with other "
+                    "versions it may not be what either "
                     "gives alone",
                     stacklevel=4,
                 )
 
 
 def _store(run: Run, folder: Path) -> None:
-    write_weights(folder, Weights(run.policy, run.w, run.updates, describe(run.policy, run.config, run.updates)))
+    write_weights(
+        folder,
+        Weights(run.policy, run.w, run.updates, describe(run.policy, run.config, run.updates)),
+    )
     told = storage.sha256_of(fields.to_dict(run.config))
     storage.write_npz(folder / "records.npz", run.records | {"config_sha256": np.array(told)})
     storage.write_json(folder / "summary.json", run.summary | {"config_sha256": told})
 
 
 def _header(
-    kind: str, config: ConvoyConfig, length: int, policy: Controller | None, reward_sha256: str | None = None
+    kind: str,
+    config: ConvoyConfig,
+    length: int,
+    policy: Controller | None,
+    reward_sha256: str | None = None,
 ) -> dict[str, Any]:
     versions = {name: version(name) for name in ("workbench", "mujoco", "numba", "numpy")}
     return {
-        "schema": SCHEMA, "kind": kind, "length": length, "unit": "updates" if kind == "learn" else "control periods",
-        "policy_sha256": policy.sha256() if policy is not None else None,  # what it started from, or followed
-        "reward_sha256": reward_sha256, "config": fields.to_dict(config), "versions": versions,
-    }  # fmt: skip
+        "schema": SCHEMA,
+        "kind": kind,
+        "length": length,
+        "unit": "updates" if kind == "learn" else "control periods",
+        "policy_sha256": policy.sha256()
+        if policy is not None
+        else None,  # what it started from, or followed
+        "reward_sha256": reward_sha256,
+        "config": fields.to_dict(config),
+        "versions": versions,
+    }
 
 
 def _read_header(folder: Path) -> dict[str, Any]:
     header = storage.read_json(folder / "config.json")
-    if not isinstance(header, dict) or header.get("schema") != SCHEMA or not {*REQUEST, "versions"} <= set(header):
-        raise ValueError(f"{folder / 'config.json'} is not a run of schema {SCHEMA}: it is damaged or of another version")
+    if (
+        not isinstance(header, dict)
+        or header.get("schema") != SCHEMA
+        or not {*REQUEST, "versions"} <= set(header)
+    ):
+        raise ValueError(
+            f"{folder / 'config.json'} is not a run of schema {SCHEMA}: it is damaged or of "
+            "another version"
+        )
     return header

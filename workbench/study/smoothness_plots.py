@@ -1,6 +1,7 @@
 """Plots of the smoothness protocol: deviations along the loop, and what a follower passes on.
 
-Like all plots they take data, draw on ``ax`` and return it; the numbers come from ``workbench.study.judder``.
+Like all plots they take data, draw on ``ax`` and return it; the numbers come from
+``workbench.study.judder``.
 """
 
 from collections.abc import Mapping
@@ -13,8 +14,11 @@ from workbench.study.judder import BAND_M, Deviations, Transfer, tractrix_gain
 from workbench.study.style import CYCLE, MARKERS, new_axes
 
 
-def deviation_traces(found: Deviations, *, loop: int = -1, spacing_mm: float = 12.0, ax: Axes | None = None) -> Axes:
-    """Draw the lateral deviation of every robot along one loop, one above the other, the leader on top.
+def deviation_traces(
+    found: Deviations, *, loop: int = -1, spacing_mm: float = 12.0, ax: Axes | None = None
+) -> Axes:
+    """Draw the lateral deviation of every robot along one loop, one above the other, the leader on
+    top.
 
     Args:
         found: from ``workbench.study.judder.deviations``.
@@ -40,24 +44,43 @@ def deviation_traces(found: Deviations, *, loop: int = -1, spacing_mm: float = 1
 
 
 def transfer_curves(
-    cases: Mapping[str, Transfer], distance_m: float, *, gain: Axes, coherence: Axes, wavelengths_m: tuple[float, float] = BAND_M
+    cases: Mapping[str, Transfer],
+    distance_m: float,
+    *,
+    gain: Axes,
+    coherence: Axes,
+    wavelengths_m: tuple[float, float] = BAND_M,
 ) -> None:
-    """Draw |H1| and coherence of the first follower against wavelength, beside the tractrix's formula.
+    """Draw |H1| and coherence of the first follower against wavelength, beside the tractrix's
+    formula.
 
     Args:
-        cases: name → transfer from leader to follower; only wavelengths in the band are drawn, where the leader has power.
+        cases: name → transfer from leader to follower; only wavelengths in the band are drawn,
+            where the leader has power.
         distance_m: distance of the tractrix.
         gain, coherence: axes for the two quantities.
     """
     for number, (name, found) in enumerate(cases.items()):
         wavelength = 1 / found.frequency
         inside = (wavelength >= wavelengths_m[0] - 1e-9) & (wavelength <= wavelengths_m[1] + 1e-9)
-        style: dict[str, Any] = {"color": CYCLE[number], "marker": MARKERS[number], "markersize": 4, "linewidth": 1.0}
+        style: dict[str, Any] = {
+            "color": CYCLE[number],
+            "marker": MARKERS[number],
+            "markersize": 4,
+            "linewidth": 1.0,
+        }
         style["linestyle"] = ("-", "-.", ":")[number % 3]
         gain.plot(wavelength[inside], found.gain[inside], label=name, **style)
         coherence.plot(wavelength[inside], found.coherence[inside], label=name, **style)
     at = np.linspace(*wavelengths_m, 100)
-    gain.plot(at, tractrix_gain(distance_m, at), color="#333333", linestyle="--", linewidth=1.4, label="tractrix, formula")
+    gain.plot(
+        at,
+        tractrix_gain(distance_m, at),
+        color="#333333",
+        linestyle="--",
+        linewidth=1.4,
+        label="tractrix, formula",
+    )
     gain.set_ylim(bottom=0)
     gain.set_ylabel("gain |H₁|, follower 1 over leader")
     coherence.axhline(0.8, color="#999999", linewidth=0.8, linestyle=":")

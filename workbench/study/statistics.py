@@ -1,8 +1,8 @@
 """Numbers from records: shares of visits, errors, losses, and intervals over seeds.
 
-A "share" is a part of all visits; one visit is one finished transition, counted in the state in which its action was
-chosen. "All time" puts reset and lost time into the denominator too. The best 3×3 block is the block of neighbouring cells
-with the most visits, as in the paper's Fig. 4.
+A "share" is a part of all visits; one visit is one finished transition, counted in the state in
+which its action was chosen. "All time" puts reset and lost time into the denominator too. The best
+3×3 block is the block of neighbouring cells with the most visits, as in the paper's Fig. 4.
 
 >>> visits = np.zeros((9, 9)); visits[4, 3:6] = [80, 15, 5]
 >>> best_cell(visits), best_block(visits)
@@ -21,7 +21,9 @@ Place = tuple[int, int]
 
 
 def best_cell(visits: ArrayLike) -> tuple[float, Place]:
-    """Return the share of the most visited cell of (rows, columns) counts, and its row and column."""
+    """Return the share of the most visited cell of (rows, columns) counts, and its row and
+    column.
+    """
     counts = _counts(visits)
     row, column = np.unravel_index(int(np.argmax(counts)), counts.shape)
     return float(counts[row, column] / max(counts.sum(), 1)), (int(row), int(column))
@@ -44,30 +46,43 @@ def share_of_block(visits: ArrayLike, place: Place, size: int = 3) -> float:
 
 
 def iqm(values: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
-    """Return the interquartile mean: what is left without the lowest and the highest quarter (whole values, rounded down)."""
+    """Return the interquartile mean: what is left without the lowest and the highest quarter (whole
+    values, rounded down).
+    """
     from scipy import stats  # here and below: its import costs more than most runs
 
-    middle: NDArray[np.float64] = stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
+    middle: NDArray[np.float64] = stats.trim_mean(
+        np.asarray(values, dtype=np.float64), 0.25, axis=axis
+    )
     return middle
 
 
 _STATISTICS: dict[str, Any] = {"mean": np.mean, "median": np.median, "iqm": iqm}
 
 
-def interval(values: ArrayLike, *, statistic: str = "mean", level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
-    """Return a statistic ("mean", "median" or "iqm") and its bootstrap interval (percentile, 10 000 resamples) over seeds.
+def interval(
+    values: ArrayLike, *, statistic: str = "mean", level: float = 0.95, seed: int = 0
+) -> tuple[float, float, float]:
+    """Return a statistic ("mean", "median" or "iqm") and its bootstrap interval (percentile, 10 000
+    resamples) over seeds.
 
     Raises:
-        ValueError: fewer than two values, which have no interval; a value that is not finite; an unknown statistic.
+        ValueError: fewer than two values, which have no interval; a value that is not finite; an
+            unknown statistic.
     """
     if statistic not in _STATISTICS:
-        raise ValueError(f"statistic = {statistic!r}; expected one of {', '.join(map(repr, _STATISTICS))}")
+        raise ValueError(
+            f"statistic = {statistic!r}; expected one of {', '.join(map(repr, _STATISTICS))}"
+        )
     sample = np.asarray(values, dtype=np.float64).ravel()
     if sample.size < 2:
-        raise ValueError(f"{sample.size} values have no interval; run at least two seeds, ten for a claim")
+        raise ValueError(
+            f"{sample.size} values have no interval; run at least two seeds, ten for a claim"
+        )
     if not np.all(np.isfinite(sample)):
         raise ValueError(
-            f"{int((~np.isfinite(sample)).sum())} of {sample.size} values are not finite; leave failed runs out and say so, and "
+            f"{int((~np.isfinite(sample)).sum())} of {sample.size} values are not finite; "
+            "leave failed runs out and say so, and "
             "use time_to_criterion for times that were not reached"
         )
     function = _STATISTICS[statistic]
@@ -77,35 +92,51 @@ def interval(values: ArrayLike, *, statistic: str = "mean", level: float = 0.95,
     from scipy import stats
 
     result = stats.bootstrap(
-        (sample,), function, confidence_level=level, n_resamples=10_000, method="percentile", rng=np.random.default_rng(seed)
+        (sample,),
+        function,
+        confidence_level=level,
+        n_resamples=10_000,
+        method="percentile",
+        rng=np.random.default_rng(seed),
     )
     return point, float(result.confidence_interval.low), float(result.confidence_interval.high)
 
 
 def paired(
-    values: ArrayLike, reference: ArrayLike, *, statistic: str = "mean", level: float = 0.95, seed: int = 0
+    values: ArrayLike,
+    reference: ArrayLike,
+    *,
+    statistic: str = "mean",
+    level: float = 0.95,
+    seed: int = 0,
 ) -> tuple[float, float, float]:
     """Return the statistic of values - reference, seed by seed, and its bootstrap interval.
 
     Raises:
         ValueError: the two have different lengths: then they are no pairs.
     """
-    first, second = np.asarray(values, dtype=np.float64).ravel(), np.asarray(reference, dtype=np.float64).ravel()
+    first = np.asarray(values, dtype=np.float64).ravel()
+    second = np.asarray(reference, dtype=np.float64).ravel()
     if first.size != second.size:
-        raise ValueError(f"{first.size} values and {second.size} references are no pairs; give both for the same seeds in order")
+        raise ValueError(
+            f"{first.size} values and {second.size} references are no pairs; give both for "
+            "the same seeds in order"
+        )
     return interval(first - second, statistic=statistic, level=level, seed=seed)
 
 
 @dataclass(frozen=True)
 class TimeToCriterion:
-    """When runs reached a criterion, those that never did counted as censored at the end of their run.
+    """When runs reached a criterion, those that never did counted as censored at the end of their
+    run.
 
     Attributes:
         n, reached: number of runs, and of those that reached it.
         median: Kaplan-Meier median; infinite if half of the runs did not reach it.
-        mean, low, high: mean time spent before the criterion, up to the horizon, with its 95 % bootstrap interval over runs.
-        horizon: the shortest length of a run that did not reach it, or the latest time if all did: up to there nothing is
-            censored, and the mean is one of min(time, horizon).
+        mean, low, high: mean time spent before the criterion, up to the horizon, with its 95 %
+            bootstrap interval over runs.
+        horizon: the shortest length of a run that did not reach it, or the latest time if all did:
+            up to there nothing is censored, and the mean is one of min(time, horizon).
     """
 
     n: int
@@ -130,29 +161,40 @@ def time_to_criterion(times: ArrayLike, lengths: ArrayLike) -> TimeToCriterion:
     when = np.asarray(times, dtype=np.float64).ravel()
     ends = np.broadcast_to(np.asarray(lengths, dtype=np.float64), when.shape)
     if when.size < 2:
-        raise ValueError(f"{when.size} values have no interval; run at least two seeds, ten for a claim")
+        raise ValueError(
+            f"{when.size} values have no interval; run at least two seeds, ten for a claim"
+        )
     beyond = np.flatnonzero((when > ends) | (when < 0))
     if beyond.size:
         raise ValueError(
-            f"a time of {when[beyond[0]]:g} lies beyond the run's length of {ends[beyond[0]]:g}, or before its start"
+            f"a time of {when[beyond[0]]:g} lies beyond the run's length of "
+            f"{ends[beyond[0]]:g}, or before its start"
         )
     open_ended = np.isnan(when)
     seen = np.where(open_ended, ends, when)
     from scipy import stats
 
-    survival = stats.ecdf(stats.CensoredData(uncensored=seen[~open_ended], right=seen[open_ended])).sf
-    below = survival.quantiles[survival.probabilities <= 0.5 + 1e-9]  # a product of fractions may miss 1/2 by a rounding
+    survival = stats.ecdf(
+        stats.CensoredData(uncensored=seen[~open_ended], right=seen[open_ended])
+    ).sf
+    below = survival.quantiles[
+        survival.probabilities <= 0.5 + 1e-9
+    ]  # a product of fractions may miss 1/2 by a rounding
     horizon = float(seen[open_ended].min() if open_ended.any() else seen.max())
     mean, low, high = interval(np.minimum(seen, horizon))
     reached = int((~open_ended).sum())
-    return TimeToCriterion(when.size, reached, float(below[0]) if below.size else math.inf, mean, low, high, horizon)
+    return TimeToCriterion(
+        when.size, reached, float(below[0]) if below.size else math.inf, mean, low, high, horizon
+    )
 
 
 def time_to_stable(losses: ArrayLike, errors: ArrayLike, *, block: int = 5000) -> float:
-    """Return after how many of its own updates a follower is stable (requirement E4), NaN if it never is.
+    """Return after how many of its own updates a follower is stable (requirement E4), NaN if it
+    never is.
 
-    Blocks of ``block`` updates are judged by their losses and their RMS error. Stable is the first block from which on none
-    exceeds twice the final median in either, the final median being that of the last third of the blocks (our choice).
+    Blocks of ``block`` updates are judged by their losses and their RMS error. Stable is the first
+    block from which on none exceeds twice the final median in either, the final median being that
+    of the last third of the blocks (our choice).
 
     Args:
         losses: (N,) whether each update ended in a loss.
@@ -162,28 +204,37 @@ def time_to_stable(losses: ArrayLike, errors: ArrayLike, *, block: int = 5000) -
     Raises:
         ValueError: the two have different lengths, or there are fewer than three blocks.
     """
-    lost, error = np.asarray(losses, dtype=np.float64).ravel(), np.asarray(errors, dtype=np.float64).ravel()
+    lost = np.asarray(losses, dtype=np.float64).ravel()
+    error = np.asarray(errors, dtype=np.float64).ravel()
     if block < 1:
         raise ValueError(f"block = {block!r}; expected at least one update")
     count = lost.size // block
     if not np.all(np.isfinite(error)) or not np.all(np.isfinite(lost)):
         raise ValueError("losses or errors are not finite; leave out what was not measured")
     if lost.size != error.size or count < 3:
-        raise ValueError(f"{lost.size} losses, {error.size} errors; expected as many of each, at least three blocks of {block}")
+        raise ValueError(
+            f"{lost.size} losses, {error.size} errors; expected as many of each, at least "
+            f"three blocks of {block}"
+        )
     rates = lost[: count * block].reshape(count, block).sum(axis=1)
     sizes = np.sqrt(np.mean(error[: count * block].reshape(count, block) ** 2, axis=1))
     late = slice(count - max(count // 3, 1), count)
-    beyond = np.flatnonzero((rates > 2 * np.median(rates[late])) | (sizes > 2 * np.median(sizes[late])))
+    beyond = np.flatnonzero(
+        (rates > 2 * np.median(rates[late])) | (sizes > 2 * np.median(sizes[late]))
+    )
     first = int(beyond[-1]) + 1 if beyond.size else 0
     return float(first * block) if first < count else math.nan
 
 
 def moments(count: ArrayLike, total: ArrayLike, squares: ArrayLike) -> tuple[float, float, float]:
-    """Return mean, standard deviation and RMS of values given by their number, sum and sum of squares (NaN if none)."""
+    """Return mean, standard deviation and RMS of values given by their number, sum and sum of
+    squares (NaN if none).
+    """
     n, first, second = (float(np.sum(part)) for part in (count, total, squares))
     if n == 0:
         return math.nan, math.nan, math.nan
-    mean, power = first / n, second / n
+    mean = first / n
+    power = second / n
     return mean, math.sqrt(max(power - mean**2, 0.0)), math.sqrt(power)
 
 
@@ -195,5 +246,8 @@ def median_and_worst(values: Sequence[float]) -> tuple[float, float]:
 def _counts(visits: ArrayLike) -> NDArray[np.float64]:
     counts = np.asarray(visits, dtype=np.float64)
     if counts.ndim != 2:
-        raise ValueError(f"visits have shape {counts.shape}; expected (rows, columns), e.g. run.visits.sum(axis=0)")
+        raise ValueError(
+            f"visits have shape {counts.shape}; expected (rows, columns), e.g. "
+            "run.visits.sum(axis=0)"
+        )
     return counts

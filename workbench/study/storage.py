@@ -1,7 +1,8 @@
-"""Files that a kill at any moment cannot spoil: written under a temporary name, flushed to disk, then renamed.
+"""Files that a kill at any moment cannot spoil: written under a temporary name, flushed to disk,
+then renamed.
 
-Contract: after ``write_npz`` or ``write_json`` returns, the whole file is there; if it raises, the previous file is
-untouched. Nothing is pickled. Equal contents give equal bytes.
+Contract: after ``write_npz`` or ``write_json`` returns, the whole file is there; if it raises, the
+previous file is untouched. Nothing is pickled. Equal contents give equal bytes.
 """
 
 import hashlib
@@ -18,7 +19,9 @@ from numpy.typing import NDArray
 
 from workbench.study.locks import FILE as LOCK
 
-_TEMPORARY = ".tmp"  # the end of a temporary name; before it stand the file's name and who writes it
+_TEMPORARY = (
+    ".tmp"  # the end of a temporary name; before it stand the file's name and who writes it
+)
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -38,7 +41,9 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
         with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (ValueError, OSError, EOFError, KeyError) as error:
-        raise ValueError(f"{path} is not a readable .npz file: {error}; restore it or run again") from error
+        raise ValueError(
+            f"{path} is not a readable .npz file: {error}; restore it or run again"
+        ) from error
     except Exception as error:  # zipfile.BadZipFile, zlib.error: the file is damaged
         raise ValueError(f"{path} is damaged: {error}; restore it or run again") from error
 
@@ -95,9 +100,12 @@ def remove_temporaries(folder: Path, names: Sequence[str]) -> None:
 
 def refuse_existing(folder: Path) -> None:
     """Raise FileExistsError if a folder has something in it."""
-    if folder.exists() and (not folder.is_dir() or any(path.name != LOCK for path in folder.iterdir())):
+    if folder.exists() and (
+        not folder.is_dir() or any(path.name != LOCK for path in folder.iterdir())
+    ):
         raise FileExistsError(
-            f"{folder} already has something in it; choose another folder, or resume=True (--resume) to continue it"
+            f"{folder} already has something in it; choose another folder, or resume=True "
+            "(--resume) to continue it"
         )
 
 

@@ -1,6 +1,8 @@
-"""Plots of studies: a quantity against a level or for named conditions, each mean with its interval over seeds.
+"""Plots of studies: a quantity against a level or for named conditions, each mean with its interval
+over seeds.
 
-Like all plots they take data, draw on ``ax`` and return it. The tables come from ``workbench.study.effects``.
+Like all plots they take data, draw on ``ax`` and return it. The tables come from
+``workbench.study.effects``.
 """
 
 from collections.abc import Sequence
@@ -35,7 +37,8 @@ def curves(
         log: whether the value axis is logarithmic; otherwise it begins at zero.
     """
     ax = ax or new_axes(5.4, 3.6)
-    cases, levels = list(summary[by].unique()), sorted(summary[x].unique())
+    cases = list(summary[by].unique())
+    levels = sorted(summary[x].unique())
     at = {level: place if even else float(level) for place, level in enumerate(levels)}
     span = max(at.values()) - min(at.values()) or 1.0
     for number, case in enumerate(cases):
@@ -43,9 +46,18 @@ def curves(
         shift = (0.008 if len(cases) < 4 else 0.02) * span * (number - (len(cases) - 1) / 2)
         spread = np.array([part["value"] - part["low"], part["high"] - part["value"]])
         ax.errorbar(
-            part[x].map(at) + shift, part["value"], yerr=np.maximum(spread, 0), color=CYCLE[number], marker=MARKERS[number],
-            markersize=5, linestyle=LINES[number % len(LINES)], capsize=2.5, linewidth=1.3, elinewidth=1, label=str(case),
-        )  # fmt: skip
+            part[x].map(at) + shift,
+            part["value"],
+            yerr=np.maximum(spread, 0),
+            color=CYCLE[number],
+            marker=MARKERS[number],
+            markersize=5,
+            linestyle=LINES[number % len(LINES)],
+            capsize=2.5,
+            linewidth=1.3,
+            elinewidth=1,
+            label=str(case),
+        )
     if log:
         ax.set_yscale("log")
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -63,7 +75,13 @@ def curves(
 
 
 def dots(
-    summary: pd.DataFrame, rows: str, *, xlabel: str, ax: Axes | None = None, reference: float | None = None, number: int = 0
+    summary: pd.DataFrame,
+    rows: str,
+    *,
+    xlabel: str,
+    ax: Axes | None = None,
+    reference: float | None = None,
+    number: int = 0,
 ) -> Axes:
     """Draw one row per condition: its mean and interval as a dot with bars, on a value axis.
 
@@ -78,7 +96,13 @@ def dots(
     if reference is not None:
         ax.axvline(reference, color="#777777", linestyle=":", linewidth=1)
     ax.errorbar(
-        summary["value"], places, xerr=np.maximum(spread, 0), fmt=MARKERS[number], color=CYCLE[number], markersize=5, capsize=2.5
+        summary["value"],
+        places,
+        xerr=np.maximum(spread, 0),
+        fmt=MARKERS[number],
+        color=CYCLE[number],
+        markersize=5,
+        capsize=2.5,
     )
     ax.set_yticks(places, [str(name) for name in summary[rows]])
     ax.set_ylim(len(summary) - 0.5, -0.5)
@@ -94,7 +118,9 @@ def beside(axes: Sequence[Axes]) -> None:
 
 
 def one_note(axes: Sequence[Axes]) -> None:
-    """Leave the note on bands to the first of several plots side by side, where it would not fit above each."""
+    """Leave the note on bands to the first of several plots side by side, where it would not fit
+    above each.
+    """
     for ax in axes[1:]:
         note(ax, "")
 

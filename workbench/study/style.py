@@ -1,7 +1,7 @@
 """The look of all figures: one rc context, colours and small helpers.
 
-Colour-blind safe cycle (Okabe and Ito), repeated by markers; viridis on a log scale for counts; zero visits in a distinct
-light grey.
+Colour-blind safe cycle (Okabe and Ito), repeated by markers; viridis on a log scale for counts;
+zero visits in a distinct light grey.
 """
 
 import textwrap
@@ -22,12 +22,28 @@ NEVER = "#e8e8e8"  # cells without a visit
 INK = "#333333"
 
 RC: Any = {
-    "figure.dpi": 110, "savefig.dpi": 160, "figure.constrained_layout.use": True, "figure.facecolor": "white",
-    "font.size": 9.5, "axes.labelsize": 9.5, "axes.titlesize": 10, "legend.fontsize": 9,
-    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": INK, "axes.labelcolor": INK,
-    "xtick.color": INK, "ytick.color": INK, "text.color": INK, "legend.frameon": False, "lines.linewidth": 1.6,
-    "axes.prop_cycle": cycler(color=CYCLE), "image.cmap": "viridis", "svg.hashsalt": "workbench", "svg.fonttype": "path",
-}  # fmt: skip
+    "figure.dpi": 110,
+    "savefig.dpi": 160,
+    "figure.constrained_layout.use": True,
+    "figure.facecolor": "white",
+    "font.size": 9.5,
+    "axes.labelsize": 9.5,
+    "axes.titlesize": 10,
+    "legend.fontsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "text.color": INK,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "axes.prop_cycle": cycler(color=CYCLE),
+    "image.cmap": "viridis",
+    "svg.hashsalt": "workbench",
+    "svg.fonttype": "path",
+}
 
 
 @contextmanager
@@ -43,7 +59,8 @@ def new_axes(width_in: float = 5.0, height_in: float = 4.0) -> Axes:
 
 
 def legible(fig: Figure, width_in: float = 7.0) -> None:
-    """Make a figure readable on a page (7 inches at 700 pixels), once: larger text where it is wider, labels that fit their axes.
+    """Make a figure readable on a page (7 inches at 700 pixels), once: larger text where it is
+    wider, labels that fit their axes.
 
     Notes and legends that several plots side by side share are left to the first.
     """
@@ -58,8 +75,14 @@ def legible(fig: Figure, width_in: float = 7.0) -> None:
         for axis in (ax.xaxis, ax.yaxis):
             size = axis.get_tick_params().get("labelsize") or mpl.rcParams["xtick.labelsize"]
             for which in ("major", "minor"):
-                axis.set_tick_params(which=which, labelsize=factor * FontProperties(size=size).get_size_in_points())
-    ticks = {text for ax in every for text in (*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both"))}
+                axis.set_tick_params(
+                    which=which, labelsize=factor * FontProperties(size=size).get_size_in_points()
+                )
+    ticks = {
+        text
+        for ax in every
+        for text in (*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both"))
+    }
     for text in fig.findobj(Text):
         assert isinstance(text, Text)
         if text not in ticks:
@@ -71,13 +94,18 @@ def legible(fig: Figure, width_in: float = 7.0) -> None:
             extent = label.get_window_extent()
             length = extent.width if label is ax.xaxis.label else extent.height
             if label.get_text() and length > room and "\n" not in label.get_text():
-                label.set_text(textwrap.fill(label.get_text(), max(10, int(len(label.get_text()) * room / length))))
+                label.set_text(
+                    textwrap.fill(
+                        label.get_text(), max(10, int(len(label.get_text()) * room / length))
+                    )
+                )
     fig.draw_without_rendering()
     fig.set_layout_engine("none")  # frozen: a constrained layout moves a little at every drawing
 
 
 def _leave_to_the_first(axes: Sequence[Axes]) -> None:
-    notes, legends = set[str](), set[tuple[str, ...]]()
+    notes = set[str]()
+    legends = set[tuple[str, ...]]()
     for ax in axes:
         said = ax.get_title(loc="left")
         if said.startswith(("mean, ", "difference ")) and said in notes:

@@ -1,8 +1,9 @@
-"""One trial of a study: learn with one configuration and seed, then follow the learned policy greedily on an unseen track.
+"""One trial of a study: learn with one configuration and seed, then follow the learned policy
+greedily on an unseen track.
 
-``measure`` and ``measure_sections`` turn a Trial into one line of a table: plain numbers, the same in any process. Lengths
-are in mm, angles in degrees, rates per follower and hour. A number that does not exist (a criterion never reached, errors
-where nobody followed) is NaN.
+``measure`` and ``measure_sections`` turn a Trial into one line of a table: plain numbers, the same
+in any process. Lengths are in mm, angles in degrees, rates per follower and hour. A number that
+does not exist (a criterion never reached, errors where nobody followed) is NaN.
 
 >>> trial = Trial(config=ConvoyConfig(followers=1, drive="planar"), steps=300, minutes=1.0)
 >>> sorted(measure(trial))[:3]
@@ -38,51 +39,74 @@ from workbench.study.runs import Run, evaluate, learn
 
 UNSEEN = 1000  # added to the seed for the greedy evaluation: another track, other noise
 OTHER_TRACKS = {  # beside the circle that is learned on
-    "anticlockwise": TrackConfig(direction="anticlockwise"), "eight": TrackConfig(shape="eight"),
-    "stadium": TrackConfig(shape="stadium"), "replan": TrackConfig(judder="replan"),
-}  # fmt: skip
+    "anticlockwise": TrackConfig(direction="anticlockwise"),
+    "eight": TrackConfig(shape="eight"),
+    "stadium": TrackConfig(shape="stadium"),
+    "replan": TrackConfig(judder="replan"),
+}
 SECTIONS = 4  # equal parts of the loop, counted from where each robot started
 
 
-# Who drives the followers. "learner" learns first; "tractrix" is the ideal of rods that pull, without any robot
+# Who drives the followers. "learner" learns first; "tractrix" is the ideal of rods that pull,
+# without any robot
 CONTROLLERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
-    "learner": None, "tractrix": None, "carrot": lambda _: CarrotPI(), "leader-frame": lambda _: LeaderFrame(),
-    "l-psi": lambda _: LPsi(), "l-psi, point half way": lambda config: LPsi(ahead_m=config.middle_m / 2),
-    "pursuit": lambda _: PurePursuit(), "path": lambda _: PathReconstruction(), "quantised carrot": quantised_carrot,
-}  # fmt: skip
+    "learner": None,
+    "tractrix": None,
+    "carrot": lambda _: CarrotPI(),
+    "leader-frame": lambda _: LeaderFrame(),
+    "l-psi": lambda _: LPsi(),
+    "l-psi, point half way": lambda config: LPsi(ahead_m=config.middle_m / 2),
+    "pursuit": lambda _: PurePursuit(),
+    "path": lambda _: PathReconstruction(),
+    "quantised carrot": quantised_carrot,
+}
 
 
 @configuration
 class Trial:
     """What one line of a study's table is measured on."""
 
-    config: ConvoyConfig = part(ConvoyConfig, "robots, task, learner and seed", default=ConvoyConfig())
+    config: ConvoyConfig = part(
+        ConvoyConfig, "robots, task, learner and seed", default=ConvoyConfig()
+    )
     controller: str = choice(tuple(CONTROLLERS), "who drives the followers", default="learner")
-    steps: int = integer(0, 10**9, "", "learning updates, summed over the followers", default=300_000)
-    horizon: int = integer(0, 10**9, "", "updates over which schedules are stretched, 0 for steps", default=0)
+    steps: int = integer(
+        0, 10**9, "", "learning updates, summed over the followers", default=300_000
+    )
+    horizon: int = integer(
+        0, 10**9, "", "updates over which schedules are stretched, 0 for steps", default=0
+    )
     minutes: float = real(0.1, 1e4, "min", "simulated time of the greedy evaluation", default=30.0)
 
 
 def measure(trial: Trial) -> dict[str, float]:
-    """Return losses and errors while learning, in its last third, and greedy on an unseen track with the reset manoeuvre."""
+    """Return losses and errors while learning, in its last third, and greedy on an unseen track
+    with the reset manoeuvre.
+    """
     return _numbers_of(trial, learn(trial.config, steps=trial.steps, progress=False))
 
 
 def _numbers_of(trial: Trial, run: Run) -> dict[str, float]:
     judged = replace(trial.config, seed=trial.config.seed + UNSEEN, reset="manoeuvre")
-    learned, greedy = run.summary, evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
+    learned = run.summary
+    greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
     late = ("losses_per_hour", "rms_distance_mm", "bearing_std_deg")
     kept = ("losses", "mean_distance_mm", "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg")
     return (
         {"losses": learned["losses"], "updates_to_lossfree": first_lossfree(run.records)}
         | {f"{name}_last_third": _number(learned[f"{name}_last_third"]) for name in late}
-        | {"share_of_time_away": learned["share_of_time_away"], "simulated_minutes": learned["simulated_minutes"]}
+        | {
+            "share_of_time_away": learned["share_of_time_away"],
+            "simulated_minutes": learned["simulated_minutes"],
+        }
         | {f"greedy_{name}": _number(greedy[name]) for name in kept}
     )
 
 
 def measure_widely(trial: Trial) -> dict[str, float]:
-    """Return what ``measure`` does, and greedy losses and errors on kinds of track that were not learned on, a third as long."""
+    """Return what ``measure`` does, and greedy losses and errors on kinds of track that were not
+    learned on, a third as long.
+    """
     result = {}
     run = learn(trial.config, steps=trial.steps, progress=False)
     for name, track in OTHER_TRACKS.items():
@@ -94,7 +118,9 @@ def measure_widely(trial: Trial) -> dict[str, float]:
 
 
 def first_lossfree(records: dict[str, NDArray[Any]]) -> float:
-    """Return the updates before the first whole block of 2 500 control periods without any loss, NaN if there is none."""
+    """Return the updates before the first whole block of 2 500 control periods without any loss,
+    NaN if there is none.
+    """
     losses = records["sums"][:, :, SUMS.index("losses")].sum(axis=1)
     whole = records["sums"][:, 0, SUMS.index("periods")] == BLOCK
     free = np.flatnonzero((losses == 0) & whole)
@@ -102,13 +128,18 @@ def first_lossfree(records: dict[str, NDArray[Any]]) -> float:
 
 
 def measure_sections(trial: Trial) -> dict[str, float]:
-    """Return where on the loop was learned, how resets went, and how well each section is followed greedily afterwards.
+    """Return where on the loop was learned, how resets went, and how well each section is followed
+    greedily afterwards.
 
-    The greedy evaluation is on the track that was learned on; its losses end in the reset manoeuvre. Sections are quarters of
-    the loop, counted from each robot's own start: section 1 is what follows a restart, section 4 is reached last.
+    The greedy evaluation is on the track that was learned on; its losses end in the reset
+    manoeuvre. Sections are quarters of the loop, counted from each robot's own start: section 1 is
+    what follows a restart, section 4 is reached last.
     """
     convoy = Convoy(trial.config, [trial.config.seed], steps=trial.steps, threads=1)
-    training, resets, losses, gave_up = np.zeros(SECTIONS), list[int](), 0, 0
+    training = np.zeros(SECTIONS)
+    resets = list[int]()
+    losses = 0
+    gave_up = 0
     started: NDArray[np.float64] | None = None
     away = np.zeros(trial.config.followers, np.int64)
     while not convoy.finished:
@@ -122,7 +153,8 @@ def measure_sections(trial: Trial) -> dict[str, float]:
             resets += _durations(at, away)
     if convoy.updates[0] < trial.steps:
         raise RuntimeError(
-            f"seed {trial.config.seed}: only {convoy.updates[0]} of {trial.steps} updates; the followers were lost"
+            f"seed {trial.config.seed}: only {convoy.updates[0]} of {trial.steps} updates; "
+            "the followers were lost"
         )
     theta, _ = convoy.tables(0)
     judged = replace(trial.config, reset="manoeuvre")
@@ -136,16 +168,24 @@ def measure_sections(trial: Trial) -> dict[str, float]:
         at = block[:, 1:]
         seen = at["state"] >= 0
         visits += np.bincount(place[seen], minlength=SECTIONS)
-        square += np.bincount(place[seen], weights=at["distance_error"][seen].astype(float) ** 2, minlength=SECTIONS)
+        square += np.bincount(
+            place[seen], weights=at["distance_error"][seen].astype(float) ** 2, minlength=SECTIONS
+        )
         lost += np.bincount(place[at["event"] & LOSS != 0], minlength=SECTIONS)
         hours += np.bincount(place.ravel(), minlength=SECTIONS) * CONTROL_PERIOD / 3600
     result = {"losses": float(losses), "resets": float(len(resets)), "time_outs": float(gave_up)}
     result["reset_median_s"] = float(np.median(resets)) * CONTROL_PERIOD if resets else math.nan
-    result["reset_p95_s"] = float(np.quantile(resets, 0.95)) * CONTROL_PERIOD if resets else math.nan
+    result["reset_p95_s"] = (
+        float(np.quantile(resets, 0.95)) * CONTROL_PERIOD if resets else math.nan
+    )
     for k in range(SECTIONS):
         result[f"training_share_{k + 1}"] = float(training[k] / max(training.sum(), 1))
-        result[f"greedy_losses_per_hour_{k + 1}"] = float(lost[k] / hours[k]) if hours[k] else math.nan
-        result[f"greedy_rms_distance_mm_{k + 1}"] = 1000 * math.sqrt(square[k] / visits[k]) if visits[k] else math.nan
+        result[f"greedy_losses_per_hour_{k + 1}"] = (
+            float(lost[k] / hours[k]) if hours[k] else math.nan
+        )
+        result[f"greedy_rms_distance_mm_{k + 1}"] = (
+            1000 * math.sqrt(square[k] / visits[k]) if visits[k] else math.nan
+        )
     return result
 
 
@@ -158,7 +198,9 @@ def _copy_of_block(convoy: Convoy) -> NDArray[np.void]:
 def _sections(
     track: Track, block: NDArray[np.void], started: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the section of every follower at every period, (periods, followers), and where each started, (followers,) m."""
+    """Return the section of every follower at every period, (periods, followers), and where each
+    started, (followers,) m.
+    """
     at = block[:, 1:]
     along = track.s[track.nearest(np.stack([at["x"], at["y"]], axis=-1), at["heading"])]
     origin = along[0] if started is None else started
@@ -167,10 +209,13 @@ def _sections(
 
 
 def _durations(at: NDArray[np.void], away: NDArray[np.int64]) -> list[int]:
-    """Return the control periods of every reset that ended in this block; ``away`` counts on from block to block."""
+    """Return the control periods of every reset that ended in this block; ``away`` counts on from
+    block to block.
+    """
     found = []
     for follower in range(at.shape[1]):
-        events, phases = at["event"][:, follower], at["phase"][:, follower]
+        events = at["event"][:, follower]
+        phases = at["phase"][:, follower]
         for period in np.flatnonzero((phases != FOLLOW) | (events & RECOVERED != 0)):
             if events[period] & RECOVERED:
                 found.append(int(away[follower]))

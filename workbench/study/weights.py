@@ -1,17 +1,19 @@
-"""The weights file: action values together with what they mean and where they come from, so that they can travel.
+"""The weights file: action values together with what they mean and where they come from, so that
+they can travel.
 
-``weights.npz`` of a run holds the arrays of its policy (``workbench.formation.policy``), the secondary weights, and as JSON
-under ``about``: tiles with edges and units, action levels in steps/s, sensing, reward, learner, the whole configuration, and
-provenance (hashes, seed, updates, version). The JSON repeats the arrays' meaning in words that other programs can read; the
-loader holds the two against each other, and the arrays against their hashes.
+``weights.npz`` of a run holds the arrays of its policy (``workbench.formation.policy``), the
+secondary weights, and as JSON under ``about``: tiles with edges and units, action levels in
+steps/s, sensing, reward, learner, the whole configuration, and provenance (hashes, seed, updates,
+version). The JSON repeats the arrays' meaning in words that other programs can read; the loader
+holds the two against each other, and the arrays against their hashes.
 
 >>> config = ConvoyConfig()
 >>> about = describe(Policy.of(config, np.zeros((1, 81, 49))), config, 0)
 >>> about["tiles"]["bearing"]["unit"], about["actions"]["unit"], len(about["actions"]["left"])
 ('rad', 'steps/s', 7)
 
-Contract: nothing is pickled; a file is either loaded whole or refused with an error that names it. What is accepted comes back
-bit for bit.
+Contract: nothing is pickled; a file is either loaded whole or refused with an error that names it.
+What is accepted comes back bit for bit.
 """
 
 import hashlib
@@ -53,7 +55,10 @@ class Weights:
     def learned(self, path: str | Path) -> Policy:
         """Return the policy; raise ValueError, naming the path, if a law drove."""
         if not isinstance(self.policy, Policy):
-            raise ValueError(f"{path} was driven by the law {self.policy.name!r} and has no weights; give a run that learned")
+            raise ValueError(
+                f"{path} was driven by the law {self.policy.name!r} and has no weights; give "
+                "a run that learned"
+            )
         return self.policy
 
 
@@ -65,16 +70,22 @@ def describe(policy: Controller, config: ConvoyConfig, updates: int) -> dict[str
         config: what they were learned with.
         updates: over how many learning updates.
     """
-    about: dict[str, Any] = {"format": FORMAT, "kind": "policy" if isinstance(policy, Policy) else policy.name}
+    about: dict[str, Any] = {
+        "format": FORMAT,
+        "kind": "policy" if isinstance(policy, Policy) else policy.name,
+    }
     if isinstance(policy, Policy):
         about |= _meaning(policy)
     about["reward"] = {"preset": config.reward, "terminal_factor": config.terminal_factor}
     about["learner"] = fields.to_dict(config.learner)
     about["config"] = fields.to_dict(config)
     about["provenance"] = {
-        "config_sha256": sha256_of(about["config"]), "seed": config.seed, "updates": updates,
-        "workbench": version("workbench"), "policy_sha256": policy.sha256(),
-    }  # fmt: skip
+        "config_sha256": sha256_of(about["config"]),
+        "seed": config.seed,
+        "updates": updates,
+        "workbench": version("workbench"),
+        "policy_sha256": policy.sha256(),
+    }
     kept: dict[str, Any] = plain(about)
     return kept
 
@@ -82,7 +93,11 @@ def describe(policy: Controller, config: ConvoyConfig, updates: int) -> dict[str
 def write_weights(folder: Path, weights: Weights) -> None:
     """Write weights.npz into a folder, whole or not at all."""
     about = weights.about | {"w_sha256": _digest(weights.w)}
-    extra = {"w": weights.w, "updates": np.array(weights.updates), "about": np.array(json.dumps(about, sort_keys=True))}
+    extra = {
+        "w": weights.w,
+        "updates": np.array(weights.updates),
+        "about": np.array(json.dumps(about, sort_keys=True)),
+    }
     write_npz(folder / FILE, weights.policy.arrays() | extra)
 
 
@@ -91,7 +106,8 @@ def load_weights(path: str | Path) -> Weights:
 
     Raises:
         FileNotFoundError: there is none.
-        ValueError: it is damaged, of another format, or its JSON says something else than its arrays.
+        ValueError: it is damaged, of another format, or its JSON says something else than its
+            arrays.
     """
     place = Path(path)
     place = place / FILE if place.is_dir() else place
@@ -108,11 +124,16 @@ def load_weights(path: str | Path) -> Weights:
             raise ValueError(f"its description lacks {', '.join(lacking)}")
         policy = controller_from_arrays(arrays)
         if arrays["updates"].dtype.kind not in "iu":
-            raise ValueError(f"updates are of type {arrays['updates'].dtype}; expected a whole number")
-        updates, w = int(arrays["updates"]), arrays["w"]
+            raise ValueError(
+                f"updates are of type {arrays['updates'].dtype}; expected a whole number"
+            )
+        updates = int(arrays["updates"])
+        w = arrays["w"]
         _compare(about, policy, w, updates)
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, OverflowError) as error:
-        raise ValueError(f"{place} holds no weights that can be used: {error}; restore it or learn again") from error
+        raise ValueError(
+            f"{place} holds no weights that can be used: {error}; restore it or learn again"
+        ) from error
     return Weights(policy, w, updates, about)
 
 
@@ -124,7 +145,8 @@ def load_policy(path: str | Path, config: ConvoyConfig | None = None) -> Policy:
         config: what it is to drive; checked if given.
 
     Raises:
-        FileNotFoundError, ValueError: see ``load_weights``; a law drove; tiles, actions or sensing are not the configuration's.
+        FileNotFoundError, ValueError: see ``load_weights``; a law drove; tiles, actions or sensing
+            are not the configuration's.
     """
     policy = load_weights(path).learned(path)
     if config is not None:
@@ -133,37 +155,61 @@ def load_policy(path: str | Path, config: ConvoyConfig | None = None) -> Policy:
 
 
 def _digest(w: NDArray[np.float64]) -> str:
-    return hashlib.sha256(f"{w.dtype}{w.shape}".encode() + np.ascontiguousarray(w).tobytes()).hexdigest()
+    return hashlib.sha256(
+        f"{w.dtype}{w.shape}".encode() + np.ascontiguousarray(w).tobytes()
+    ).hexdigest()
 
 
 def _meaning(policy: Policy) -> dict[str, Any]:
     tiles = {
         name: {"unit": unit, "edges": edges.tolist()}
         for name, unit, edges in zip(
-            ("distance", "bearing"), policy.units, (policy.distance_edges, policy.bearing_edges), strict=True
+            ("distance", "bearing"),
+            policy.units,
+            (policy.distance_edges, policy.bearing_edges),
+            strict=True,
         )
     }
     return {
-        "sensing": str(policy.sensing), "tiles": tiles | {"tilings": int(policy.tilings)},
-        "actions": {"unit": "steps/s", "left": policy.left_steps.tolist(), "right": policy.right_steps.tolist()},
+        "sensing": str(policy.sensing),
+        "tiles": tiles | {"tilings": int(policy.tilings)},
+        "actions": {
+            "unit": "steps/s",
+            "left": policy.left_steps.tolist(),
+            "right": policy.right_steps.tolist(),
+        },
         "tables": int(policy.theta.shape[0]),
-    }  # fmt: skip
+    }
 
 
-def _compare(about: dict[str, Any], policy: Controller, w: NDArray[np.float64], updates: int) -> None:
+def _compare(
+    about: dict[str, Any], policy: Controller, w: NDArray[np.float64], updates: int
+) -> None:
     """Raise ValueError unless description and arrays agree."""
     if isinstance(policy, Policy):
         for name, mine in _meaning(policy).items():
             if about.get(name) != plain(mine):
-                raise ValueError(f"its description says {name} = {about.get(name)!r}, its arrays {mine!r}")
+                raise ValueError(
+                    f"its description says {name} = {about.get(name)!r}, its arrays {mine!r}"
+                )
         if w.dtype != np.float64 or w.shape != policy.theta.shape:
-            raise ValueError(f"secondary weights have shape {w.shape} and type {w.dtype}, the main ones {policy.theta.shape}")
+            raise ValueError(
+                f"secondary weights have shape {w.shape} and type {w.dtype}, the main ones "
+                f"{policy.theta.shape}"
+            )
     if about["kind"] != ("policy" if isinstance(policy, Policy) else policy.name):
-        raise ValueError(f"its description says kind = {about['kind']!r}, its arrays hold something else")
+        raise ValueError(
+            f"its description says kind = {about['kind']!r}, its arrays hold something else"
+        )
     if about.get("w_sha256") != _digest(w):
         raise ValueError("secondary weights are not those of its description's hash")
     provenance = about["provenance"]
     if provenance.get("policy_sha256") != policy.sha256():
-        raise ValueError(f"its arrays have the hash {policy.sha256()}, its description says {provenance.get('policy_sha256')}")
+        raise ValueError(
+            f"its arrays have the hash {policy.sha256()}, its description says "
+            f"{provenance.get('policy_sha256')}"
+        )
     if provenance.get("updates") != updates:
-        raise ValueError(f"its description says {provenance.get('updates')} updates, its arrays {updates}")
+        raise ValueError(
+            f"its description says {provenance.get('updates')} updates, its arrays {updates}"
+        )
