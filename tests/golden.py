@@ -44,12 +44,12 @@ def machine():
 
 def _configs():
     """Return name → (configuration, keywords of Convoy)."""
-    from workbench.arena.camera_config import CameraConfig
+    from workbench.arena.camera.config import CameraConfig
     from workbench.arena.tracks import TrackConfig
     from workbench.formation.body import BodyConfig
-    from workbench.formation.classical import LAWS, LPsi, quantised_carrot
     from workbench.formation.config import SETTINGS, ConvoyConfig
-    from workbench.formation.own import OwnLaw, own_reward
+    from workbench.formation.functions import OwnLaw, own_reward
+    from workbench.formation.laws import LAWS, LPsi, quantised_carrot
     from workbench.learning.config import RULES, LearnerConfig
     from workbench.robot.description import load_robot
     from workbench.robot.infrared import InfraredConfig
@@ -253,9 +253,9 @@ def run_outside(config, robot):
     """Return hash and numbers of a convoy that is driven period by period: one robot, or (None) all
     followers, from outside.
     """
-    from workbench.formation.classical import Outside
     from workbench.formation.convoy import Convoy
     from workbench.formation.follower import LOSS
+    from workbench.formation.laws import Outside
 
     law = Outside() if robot is None else None
     convoy = Convoy(config, [1, 2], periods=10**6, law=law, external=robot, threads=1)
@@ -275,9 +275,9 @@ def run_outside(config, robot):
 
 def run_solo(config, steps):
     """Return hash and numbers of a follower that drives a simulated robot through the robot API."""
-    from workbench.formation.drive import SoloFollower
     from workbench.formation.policy import Policy
     from workbench.formation.simulated import SimulatedRobot
+    from workbench.formation.solo import SoloFollower
 
     theta = np.random.default_rng(5).normal(size=(1, config.rows, config.actions)) / 100
     follower = SoloFollower(config, Policy.of(config, theta), steps=steps)
@@ -313,11 +313,11 @@ def run_records(drive):
     """Return hash and numbers of what a run keeps, of its summary, and of the measures of its
     motion.
     """
-    from workbench.formation.classical import CarrotPI
     from workbench.formation.config import ConvoyConfig
-    from workbench.study.judder import judder
-    from workbench.study.motion import chatter, follow
-    from workbench.study.runs import evaluate, learn
+    from workbench.formation.laws import CarrotPI
+    from workbench.lab.runs import evaluate, learn
+    from workbench.measures.judder import judder
+    from workbench.measures.motion import chatter, follow
 
     config = ConvoyConfig(drive=drive, followers=2, reset="manoeuvre")
     run = learn(config, steps=8000, progress=False)
@@ -341,7 +341,7 @@ def run_records(drive):
 
 def run_environment(observation, actions):
     """Return hash and numbers of a vectorised environment under random actions."""
-    from workbench.doors.environments import FollowVectorEnv
+    from workbench.envs.environments import FollowVectorEnv
     from workbench.formation.config import SETTINGS, ConvoyConfig
 
     config = SETTINGS["infrared"] if observation == "infrared" else ConvoyConfig()
@@ -378,7 +378,7 @@ STUDIED = {  # study → which of its trials, and changes that make them short
 
 def run_study(name):
     """Return hash and numbers of what a study measures on some of its trials, made short."""
-    from workbench.study.catalogue import STUDIES
+    from workbench.studies.catalogue import STUDIES
 
     study = STUDIES[name]
     _, trials = study.trials((1,), quick=True)
@@ -409,8 +409,8 @@ def run_log():
     """
     from workbench.formation.config import SETTINGS
     from workbench.formation.policy import Policy
-    from workbench.study.off_policy import evaluate_log
-    from workbench.study.off_policy_trials import Driver
+    from workbench.measures.off_policy import evaluate_log
+    from workbench.studies.off_policy_trials import Driver
 
     config = replace(SETTINGS["infrared"], sensing="ir-raw", followers=1, drive="planar")
     policy = Policy.of(

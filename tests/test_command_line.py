@@ -143,7 +143,7 @@ def test_an_interruption_is_one_line_and_code_130(monkeypatch, capsys):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("workbench.study.studies.run_study", interrupt)
+    monkeypatch.setattr("workbench.studies.tables.run_study", interrupt)
     assert main(["study", "inner"]) == 130
     assert "the same command continues" in capsys.readouterr().err
 

@@ -13,7 +13,7 @@ from workbench import paths, sources
 
 _TELL = """
 from workbench.sources import digest, digest_of
-from workbench.study.studies import STUDIES
+from workbench.studies.tables import STUDIES
 for name in ("tiles", "copies", "transfer"):
     print(name, digest_of(STUDIES[name].function))
 print("compiled", digest("workbench.formation.control"))
@@ -41,10 +41,10 @@ def package(tmp_path_factory):
 @pytest.mark.parametrize(
     ("file", "changed"),
     [
-        ("study/plots.py", ""),
-        ("study/transfer_trials.py", "copies transfer"),  # what both of its functions use
-        ("study/worlds.py", "transfer"),  # the emulated realities, which copies does not use
-        ("study/trials.py", "copies transfer"),  # "tiles" is measured there, by another function
+        ("plots/runs.py", ""),
+        ("studies/transfer_trials.py", "copies transfer"),  # what both of its functions use
+        ("studies/realities.py", "transfer"),  # the emulated realities, which copies does not use
+        ("lab/trial.py", "copies transfer"),  # "tiles" is measured there, by another function
         ("formation/reward.py", "tiles copies transfer compiled"),
         ("robot/ground.py", "tiles copies transfer compiled"),
     ],

@@ -17,11 +17,11 @@ from typing import Any
 
 from workbench import fields
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.classical import LAWS, Controller
 from workbench.formation.config import SENSING, SETTINGS, ConvoyConfig
+from workbench.formation.laws import LAWS, Controller
+from workbench.lab.storage import plain
 from workbench.learning.config import LearnerConfig
 from workbench.robot.faults import RobotError
-from workbench.study.storage import plain
 
 ROBOT_VERBS = ("emulate", "drive", "record")
 _UNITS = """Units: speeds in m/s or motor steps/s (1 step = 0.1288 mm), lengths in m (…_m),
@@ -216,7 +216,7 @@ def main(arguments: list[str] | None = None) -> int:
         elif flags.verb == "evaluate":
             result = _evaluate(flags)
         elif flags.verb == "bench":
-            from workbench.study.bench import bench
+            from workbench.bench import bench
 
             result = bench()
         elif flags.verb == "study":
@@ -259,7 +259,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _learn(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.study import runs
+    from workbench.lab import runs
 
     asked = {name: getattr(flags, name) for name in ("followers", "drive", "sensing", "seed")}
     given = {name: value for name, value in asked.items() if value is not None}
@@ -287,7 +287,7 @@ def _learn(flags: argparse.Namespace) -> dict[str, Any]:
 
 
 def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.study import runs
+    from workbench.lab import runs
 
     policy: Controller
     if Path(flags.run).exists():
@@ -312,7 +312,7 @@ def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
 
 
 def _study(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.study.studies import STUDIES, run_study
+    from workbench.studies.tables import STUDIES, run_study
 
     if flags.name == "list":
         for study in STUDIES.values():
@@ -341,13 +341,13 @@ def _same_sources(client: Any) -> None:
     """
     from workbench import sources
 
-    theirs = client.run(sources.digest, "workbench.study.studies")
+    theirs = client.run(sources.digest, "workbench.studies.tables")
     if not theirs:
         raise RuntimeError("the scheduler has no workers; start some with: dask worker ADDRESS")
     others = sorted(
         worker
         for worker, digest in theirs.items()
-        if digest != sources.digest("workbench.study.studies")
+        if digest != sources.digest("workbench.studies.tables")
     )
     if others:
         raise RuntimeError(
@@ -357,8 +357,8 @@ def _same_sources(client: Any) -> None:
 
 
 def _export(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.study.export_c import export_c
-    from workbench.study.weights import load_policy
+    from workbench.lab.weights import load_policy
+    from workbench.logs.export_c import export_c
 
     policy = load_policy(flags.run)
     source = f"weights {policy.sha256()[:12]}, follower {flags.table + 1}"
@@ -368,23 +368,23 @@ def _export(flags: argparse.Namespace) -> dict[str, Any]:
 def _validate(flags: argparse.Namespace) -> dict[str, Any]:
     out = Path(flags.out) if flags.out else None
     if flags.what == "drive":
-        from workbench.study.validation import validate_drive
+        from workbench.studies.validation.drives import validate_drive
 
         return validate_drive(out=out)
     if flags.what == "infrared":
-        from workbench.study.infrared_validation import validate_infrared
+        from workbench.studies.validation.infrared import validate_infrared
 
         return validate_infrared(out=out)
     if flags.what == "tiles":
-        from workbench.study.tiles_validation import validate_tiles
+        from workbench.studies.validation.tiles import validate_tiles
 
         return validate_tiles(out=out)
     if flags.what == "camera":
-        from workbench.study.camera_validation import validate_camera
+        from workbench.studies.validation.camera import validate_camera
 
         return validate_camera(out=out)
     if flags.what == "deadlines":
-        from workbench.study.deadlines import measure_deadlines
+        from workbench.studies.validation.deadlines import measure_deadlines
 
         return measure_deadlines(out=out)
     raise ValueError(
@@ -393,7 +393,7 @@ def _validate(flags: argparse.Namespace) -> dict[str, Any]:
 
 
 def _robot(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.study import live
+    from workbench.logs import sessions as live
 
     if flags.verb == "emulate":
         return {
@@ -416,13 +416,13 @@ def _robot(flags: argparse.Namespace) -> dict[str, Any]:
         return live.record_robot(
             flags.robot, flags.out, seconds=flags.seconds, speeds=speeds, real=flags.real
         )
-    from workbench.study.recordings import load_recording
+    from workbench.logs.recordings import load_recording
 
     return load_recording(flags.recording).summary()
 
 
 def _figures(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.study.regenerate import regenerate
+    from workbench.publishing import regenerate
 
     files, numbers = regenerate(check=flags.check)
     if len(numbers):

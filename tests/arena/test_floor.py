@@ -26,7 +26,10 @@ def test_half_darkness_lies_at_the_line_s_edge(width):
 
 def test_the_whole_line_is_dark_and_far_away_is_white():
     track, floor = _floor(shape="eight")
-    look = lambda x, y: floor_darkness(floor.raster[0], floor.column0, floor.row0, x, y)  # noqa: E731
+
+    def look(x, y):
+        return floor_darkness(floor.raster[0], floor.column0, floor.row0, x, y)
+
     assert min(look(x, y) for x, y in track.line[::7]) > 0.9
     assert look(0.75, 0.0) == 0.0
     assert look(1e6, 0.0) == look(-1e6, 5.0) == look(float("nan"), 0.0) == 0.0

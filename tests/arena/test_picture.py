@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.formation.stage import world_of
+from workbench.formation.places import world_of
 
 CONFIG = wb.ConvoyConfig(drive="planar", seed=1)
 
@@ -20,7 +20,7 @@ import sys
 import numpy as np
 import workbench as wb
 from workbench.arena.gl import GLCamera
-from workbench.formation.stage import world_of
+from workbench.formation.places import world_of
 with GLCamera(world_of(wb.ConvoyConfig(drive="planar", seed=1))) as camera:
     np.save(sys.argv[1], camera.picture())
 """

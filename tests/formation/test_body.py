@@ -8,12 +8,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import workbench as wb
-from workbench.arena.emulator import Emulator
 from workbench.formation.body import BodyConfig, draw_bodies
-from workbench.formation.drive import SoloFollower, drive
 from workbench.formation.simulated import SimulatedRobot
+from workbench.formation.solo import SoloFollower, drive
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 from workbench.robot.motors import motor_speed
+from workbench.robot.wire.emulator import Emulator
 
 BASE = wb.ConvoyConfig(followers=1, drive="planar")
 WORN = BodyConfig(wheel_spread=0.02, axle_spread=0.03, slip=0.05, delay=2, missed=0.2)

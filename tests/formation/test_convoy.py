@@ -11,9 +11,9 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import GAVE_UP, LEARNED, LOSS, RECOVERED
+from workbench.formation.places import still_world
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
-from workbench.formation.stage import still_world
 from workbench.learning.config import LearnerConfig
 
 PLANAR = ConvoyConfig(drive="planar")

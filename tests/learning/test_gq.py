@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.lab.storage import read_npz, write_npz
 from workbench.learning.gq import GQ, GreedyGQ, UpdateBuffer
-from workbench.study.storage import read_npz, write_npz
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.arena.emulator import Emulator
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
+from workbench.logs.recordings import Recorder
+from workbench.logs.replay import RecordingEnded
 from workbench.robot.api import SENSORS
 from workbench.robot.faults import NotConnected, NotSupported
 from workbench.robot.motors import motor_speed
-from workbench.robots import open_robot
-from workbench.study.recordings import Recorder
-from workbench.study.replay import RecordingEnded
+from workbench.robot.open import open_robot
+from workbench.robot.wire.emulator import Emulator
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers

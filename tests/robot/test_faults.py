@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 from numba import njit
 
-from workbench.arena.emulator import FAULTS, Emulator
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
-from workbench.robot.epuck1 import SerComRobot
-from workbench.robot.epuck2 import EPuck2Robot
+from workbench.lab.runs import learn
 from workbench.robot.faults import BadReply, LinkLost, LinkTimeout, RobotError
-from workbench.robots import open_robot
-from workbench.study.runs import learn
+from workbench.robot.open import open_robot
+from workbench.robot.wire.emulator import FAULTS, Emulator
+from workbench.robot.wire.epuck1 import SerComRobot
+from workbench.robot.wire.epuck2 import EPuck2Robot
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 TIMEOUT = 0.15  # a busy machine answers late

@@ -14,7 +14,7 @@ from workbench.arena.world import World
 from workbench.robot import infrared as ir
 from workbench.robot.infrared import TARGETS, WARPS, InfraredConfig, front_pair, mean_light
 from workbench.robot.inversion import WIDEST, inversion_table, invert, uncertainty
-from workbench.study.infrared_validation import wall_light
+from workbench.studies.validation.infrared import wall_light
 
 CONFIG = InfraredConfig()
 

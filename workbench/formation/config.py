@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.camera_config import CameraConfig
+from workbench.arena.camera.config import CameraConfig
 from workbench.arena.model import DRIVES, TIMESTEP
 from workbench.arena.tracks import TrackConfig
 from workbench.compiled import uncompiled

@@ -17,12 +17,12 @@ from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
 from workbench.formation.body import drive_body
-from workbench.formation.camera_sense import camera_pose, observe_tracked
-from workbench.formation.errors import observe
 from workbench.formation.follower import LEARNED, LOSS, act, learn
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
-from workbench.formation.senses import look, sense_proximity
+from workbench.formation.senses.camera import camera_pose, observe_tracked
+from workbench.formation.senses.infrared import look, sense_proximity
+from workbench.formation.senses.truth import observe
 from workbench.formation.steering import OUTSIDE, wrap
 from workbench.learning.behaviour import epsilon_at
 from workbench.robot.geometry import CONTROL_PERIOD

@@ -4,7 +4,7 @@ A convoy runs B formations side by side, one per seed, each with its own track, 
 physics. Per control period one compiled call (``formation.control``) senses, acts and learns for
 every robot of every formation, and one call steps MuJoCo.
 
-Chance: named generators of every formation's seed (``formation.chance``), drawn in advance for a
+Chance: named generators of every formation's seed (``formation.streams``), drawn in advance for a
 whole block.
 
 >>> convoy = Convoy(ConvoyConfig(followers=1, drive="planar"), [1], steps=50)
@@ -29,17 +29,17 @@ from numpy.typing import NDArray
 
 from workbench.arena.world import World
 from workbench.formation.body import draw_bodies
-from workbench.formation.camera_sense import Eyes
-from workbench.formation.chance import CHILDREN, children, own_chance
-from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.control import DIVERGED, FORMATION, carry_out, carry_out_all, control_step
 from workbench.formation.follower import FOLLOWER, STEP, begin_episode
-from workbench.formation.own import OwnReward, check_reward, trouble
+from workbench.formation.functions import OwnReward, check_reward, trouble
+from workbench.formation.laws import ControlLaw
+from workbench.formation.places import track_of
 from workbench.formation.reset import FOLLOW
-from workbench.formation.stage import track_of
+from workbench.formation.senses.camera import Eyes
+from workbench.formation.streams import CHILDREN, children, own_chance
+from workbench.formation.tables import first_weights
 from workbench.formation.task import fill_task
-from workbench.formation.weights import first_weights
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
 from workbench.robot.ground import MODULES, WHITE
@@ -411,7 +411,7 @@ class Convoy:
 
     def _hang_camera(self) -> None:
         """Hang and calibrate a camera over every formation."""
-        from workbench.arena.camera import Camera
+        from workbench.arena.camera.optics import Camera
 
         config = self.config.camera
         for b, (rng, track) in enumerate(zip(self._rngs, self.world.tracks, strict=True)):

@@ -25,7 +25,7 @@ from workbench.formation.body import LONGEST_DELAY
 from workbench.formation.config import MAX_TILINGS
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
-from workbench.formation.senses import NEAR, raw_errors
+from workbench.formation.senses.infrared import NEAR, raw_errors
 from workbench.formation.steering import CRUMBS, steer
 from workbench.learning.behaviour import explore, greedy_of_sum
 from workbench.learning.config import RULES
@@ -87,8 +87,8 @@ TASK = np.dtype(
         ("gain", "f8", (8,)),
         ("slowest", "f8"),
         ("fastest", "f8"),  # of a classical follower; steps/s of a wheel
-        # infrared, see formation.senses: modes; what is looked at; sampling; ambient light;
-        # thresholds; the inverse
+        # infrared, see formation.senses.infrared: modes; what is looked at; sampling; ambient
+        # light; thresholds; the inverse
         ("infrared", "i8"),
         ("raw", "i8"),
         ("external", "i8"),
@@ -105,7 +105,7 @@ TASK = np.dtype(
         ("ambient_s", "f8"),
         ("warp", "i8"),
         ("threshold", "f8"),
-        # camera, see formation.camera_sense: mode, seconds, control periods, share, spreads,
+        # camera, see formation.senses.camera: mode, seconds, control periods, share, spreads,
         # rectangle seen
         ("camera", "i8"),
         ("cam_latency", "f8"),

@@ -30,14 +30,14 @@ from numpy.typing import NDArray
 
 from workbench.arena.proximity import RayProximity
 from workbench.compiled import compiled
-from workbench.formation.chance import own_chance
-from workbench.formation.classical import CarrotPI, ControlLaw, Controller
 from workbench.formation.config import INFRARED, ConvoyConfig
 from workbench.formation.control import read_ground
 from workbench.formation.convoy import Convoy
-from workbench.formation.errors import observe
+from workbench.formation.laws import CarrotPI, ControlLaw, Controller
 from workbench.formation.policy import Policy
-from workbench.formation.senses import sense_proximity
+from workbench.formation.senses.infrared import sense_proximity
+from workbench.formation.senses.truth import observe
+from workbench.formation.streams import own_chance
 from workbench.robot.api import SENSORS, Robot
 from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -48,8 +48,8 @@ from workbench.robot.motors import wheel_speed
 
 @compiled
 def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
-    """Read the proximity sensors of robot i, see ``formation.senses.sense_proximity``; ``task`` is
-    (1,).
+    """Read the proximity sensors of robot i, see ``formation.senses.infrared.sense_proximity``;
+    ``task`` is (1,).
     """
     sense_proximity(task[0], robots, i, noise)
 

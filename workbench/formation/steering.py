@@ -2,7 +2,7 @@
 a table.
 
 Each law gets distance d and bearing φ of the predecessor and, where it needs more, what
-``formation.classical`` declares. Unicycle: v = (v_L + v_R) / 2, ω = (v_R - v_L) / b. The law's (v,
+``formation.laws`` declares. Unicycle: v = (v_L + v_R) / 2, ω = (v_R - v_L) / b. The law's (v,
 ω) becomes two wheel speeds within the learner's own range, in whole steps/s; where a wheel would
 leave the range both are shifted, so that the turn is kept as long as possible.
 
@@ -13,7 +13,7 @@ leave the range both are shifted, so that the turn is kept as long as possible.
                   Das et al. 2002)
     PURSUIT       pure pursuit of the predecessor's breadcrumbs at a look-ahead L:
                   ω = v 2 sin α / L; v as CARROT
-    OWN           a function of the user's own, ``formation.own``
+    OWN           a function of the user's own, ``formation.functions``
     OUTSIDE       nothing: commands come from outside, after everybody has sensed
                   (``Convoy.command_all``)
     PATH          path reconstruction (after Klančar, Matko, Blažič 2009): a parabola in time,

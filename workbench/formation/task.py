@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.camera_config import NOISE, CameraConfig
+from workbench.arena.camera.config import NOISE, CameraConfig
 from workbench.arena.world import motors_of
-from workbench.formation.camera_sense import MODEL, PIXELS
-from workbench.formation.classical import ControlLaw
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
 from workbench.formation.follower import TASK
-from workbench.formation.own import OwnLaw, OwnReward
+from workbench.formation.functions import OwnLaw, OwnReward
+from workbench.formation.laws import ControlLaw
 from workbench.formation.readings import raw_scales
 from workbench.formation.reset import search_numbers
 from workbench.formation.reward import OWN, PRESETS, terminal_reward, worst_step_reward
+from workbench.formation.senses.camera import MODEL, PIXELS
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.config import RULES
 from workbench.robot.description import EPUCK

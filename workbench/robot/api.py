@@ -46,8 +46,8 @@ from workbench.robot.faults import (
     RobotError,
 )
 from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS
+from workbench.robot.vocabulary import Words
 from workbench.robot.watchdog import Watchdog
-from workbench.robot.words import Words
 
 SENSORS = (
     "proximity",

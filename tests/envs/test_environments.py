@@ -1,0 +1,312 @@
+"""Environments for others' learners: the libraries' own checks, and what our own follower would
+have seen and earned.
+"""
+
+import math
+import warnings
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+import workbench as wb
+from workbench.arena.camera.config import CameraConfig
+from workbench.envs.environments import FollowVectorEnv
+from workbench.formation.body import BodyConfig
+from workbench.robot.description import RobotConfig
+
+PLANAR = wb.ConvoyConfig(drive="planar")
+INFRARED = replace(wb.SETTINGS["infrared"], drive="planar")
+KINDS = [
+    (seen, actions)
+    for seen in ("errors", "tiles", "infrared")
+    for actions in ("discrete", "continuous")
+]
+
+
+@pytest.mark.parametrize(("observation", "actions"), KINDS)
+def test_both_libraries_checkers_pass_without_a_warning(observation, actions):
+    config = INFRARED if observation == "infrared" else PLANAR
+    kind = {"observation": observation, "actions": actions}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(wb.FollowEnv(config, **kind), skip_render_check=True)
+        parallel_api_test(wb.ConvoyEnv(config, **kind), num_cycles=300)
+        parallel_seed_test(lambda: wb.ConvoyEnv(config, **kind), num_cycles=300)
+
+
+@pytest.mark.parametrize("name", ["workbench/Follow-v0", "workbench/FollowWheels-v0"])
+def test_registered_ids_make_environments_that_pass_with_their_pictures(name):
+    env = gymnasium.make(name, render_mode="rgb_array")
+    check_env(env.unwrapped)
+    assert env.unwrapped.config.drive == ("planar" if name.endswith("Follow-v0") else "wheels")
+    env.reset(seed=1)
+    assert env.render().shape == (240, 320, 3)
+    vector = gymnasium.make_vec(
+        name, num_envs=3, vectorization_mode="vector_entry_point", render_mode="rgb_array"
+    )
+    seen, _ = vector.reset(seed=1)
+    assert [shown.shape for shown in vector.render()] == [(240, 320, 3)] * 3
+    assert isinstance(vector.unwrapped, FollowVectorEnv) and seen.shape == (3, 2)
+
+
+def test_equal_seeds_and_actions_give_equal_episodes_and_other_seeds_others():
+    rng = np.random.default_rng(0)
+    actions = rng.integers(0, 49, (300, 4))
+
+    def play(seed):
+        env = FollowVectorEnv(4)
+        seen = [env.reset(seed=seed)[0]]
+        earned = []
+        for row in actions:
+            observation, reward, *_ = env.step(row)
+            seen.append(observation)
+            earned.append(reward)
+        return np.array(seen), np.array(earned)
+
+    first = play(1)
+    again = play(1)
+    other = play(2)
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])
+    assert np.mean(first[0] == other[0]) < 0.1
+
+
+def test_a_formation_does_the_same_alone_as_through_the_single_environment():
+    env = wb.FollowEnv(PLANAR, observation="tiles")
+    vector = FollowVectorEnv(1, PLANAR, observation="tiles")
+    state = env.reset(seed=5)[0]
+    (states, _) = vector.reset(seed=5)
+    assert state == states[0]
+    for action in (0, 24, 48, 24, 24, 6, 42, 24):
+        state, reward, *_ = env.step(action)
+        states, rewards, *_ = vector.step(np.array([action]))
+        assert (state, reward) == (states[0], rewards[0])
+
+
+def test_reward_state_and_end_are_those_of_the_errors_that_are_seen():
+    env = wb.FollowEnv(PLANAR)
+    (u, v), _ = env.reset(seed=2)
+    done = False
+    steps = 0
+    while not done:
+        (u, v), reward, done, truncated, _ = env.step(0)  # slowest: the leader drives away
+        steps += 1
+        assert not truncated
+        if not done:
+            assert reward == pytest.approx(-(float(u) ** 2 + float(v) ** 2), abs=1e-5)
+    assert u >= 1.0 and reward == -10.0 and steps < 60
+    (u, v), _ = env.reset()
+    assert abs(u) <= 1 / 3 + 1e-6 and abs(v) <= 1 / 3 + 1e-6
+
+
+def test_in_a_vector_the_lost_begin_anew_at_the_next_step_and_the_others_go_on():
+    env = FollowVectorEnv(2, PLANAR)
+    env.reset(seed=1)
+    carrot = 24
+    ended = np.zeros(2, bool)
+    for _ in range(60):
+        seen, reward, ended, cut, _ = env.step(np.array([0, carrot]))
+        if ended[0]:
+            break
+    assert ended[0] and not ended[1] and not cut.any() and reward[0] == -10.0
+    clock = env.convoy.world.batch.bind("time").copy()
+    seen, reward, ended, _, _ = env.step(np.array([48, carrot]))
+    assert reward[0] == 0.0 and not ended[0] and abs(seen[0, 0]) <= 1 / 3 + 1e-6
+    np.testing.assert_allclose(env.convoy.world.batch.bind("time") - clock, [0.0, 0.1], atol=1e-9)
+
+
+def test_an_episode_is_cut_after_its_time_and_is_no_terminal():
+    env = wb.FollowEnv(PLANAR, seconds=1.0)
+    env.reset(seed=1)
+    ends = [env.step(24)[2:4] for _ in range(10)]
+    assert ends == [(False, False)] * 9 + [(False, True)]
+
+
+def test_who_loses_the_leader_is_terminated_and_the_line_behind_and_before_is_truncated():
+    env = wb.ConvoyEnv(PLANAR, actions="continuous")
+    seen, _ = env.reset(seed=1)
+    while env.agents:
+        agents = list(env.agents)
+        actions = {agent: np.clip([2 * u - v, 2 * u + v], -1, 1) for agent, (u, v) in seen.items()}
+        actions["follower_2"] = np.array([-1.0, -1.0])
+        seen, rewards, terminated, truncated, _ = env.step(actions)
+    assert terminated["follower_2"] and rewards["follower_2"] == -10.0
+    assert all(terminated[agent] != truncated[agent] for agent in agents)
+    with pytest.raises(ValueError, match=r"expected one for each of \[\] \(none: reset first\)"):
+        env.step({"follower_1": np.zeros(2)})
+
+
+def test_continuous_speeds_reach_the_ends_of_the_levels():
+    slow, fast = (wb.FollowEnv(PLANAR, actions="continuous") for _ in range(2))
+    for env, end in ((slow, -1.0), (fast, 1.0)):
+        env.reset(seed=1)
+        env.step(np.array([end, end], np.float32))
+    levels = PLANAR.levels()[0]
+    assert slow.convoy.robots["left"][0, 1] == levels[0]
+    assert fast.convoy.robots["right"][0, 1] == levels[-1]
+
+
+def test_a_reward_of_ones_own_is_what_is_earned():
+    env = wb.FollowEnv(PLANAR, reward=lambda u, v: -abs(u) - 3.0)
+    env.reset(seed=1)
+    (u, _), reward, *_ = env.step(24)
+    assert reward == pytest.approx(-abs(float(u)) - 3.0, abs=1e-5)
+    assert env.config.reward == "own"
+
+
+def _camera(**options):
+    return replace(PLANAR, sensing="camera", camera=CameraConfig(**options))
+
+
+@pytest.mark.parametrize(
+    "config",
+    [_camera(every=3), _camera(dropout=0.3), replace(PLANAR, noise_distance_m=0.03), INFRARED],
+    ids=["every third picture", "a third hidden", "noise", "infrared"],
+)
+def test_every_episode_begins_with_the_leader_in_sight(config):
+    env = wb.FollowEnv(config)
+    vector = FollowVectorEnv(4, config)
+    env.reset(seed=1)
+    for _ in range(60):
+        (u, v), _ = env.reset()
+        assert abs(u) < 1 and abs(v) < 1
+        assert env.step(24)[1] != 0.0
+    vector.reset(seed=1)
+    ended = np.zeros(4, bool)
+    begun = 0
+    for _ in range(150):
+        seen, _, lost, cut, _ = vector.step(np.where(np.arange(4) % 2, 24, 0))
+        assert np.all(np.abs(seen[ended]) < 1) and not np.any((lost | cut)[ended])
+        begun = begun + int(ended.sum())
+        ended = lost | cut
+    assert begun > 4
+
+
+def test_an_ignored_action_leaves_no_trace_even_where_commands_come_late():
+    after = []
+    for ignored in (0, 48):
+        env = FollowVectorEnv(1, replace(PLANAR, body=BodyConfig(delay=2)))
+        env.reset(seed=1)
+        while not env.step(np.array([0]))[2][0]:
+            pass
+        env.step(np.array([ignored]))
+        after.append([env.step(np.array([24]))[0] for _ in range(4)])
+    np.testing.assert_array_equal(*after)
+
+
+def test_noise_is_drawn_anew_at_a_reset():
+    env = wb.FollowEnv(replace(PLANAR, noise_distance_m=0.005))
+    env.reset(seed=1)
+
+    def error(seen):
+        (x, y), (ahead_x, ahead_y) = (env.convoy.world.pose(0, robot)[:2] for robot in (1, 0))
+        return (
+            float(seen[0]) * PLANAR.half_range_m
+            + PLANAR.middle_m
+            - np.hypot(ahead_x - x, ahead_y - y)
+        )
+
+    pairs = []
+    for _ in range(60):
+        last = error(env.step(24)[0])
+        pairs.append((last, error(env.reset()[0])))
+    assert abs(np.corrcoef(np.array(pairs).T)[0, 1]) < 0.4
+
+
+def test_physics_that_became_unstable_stops_the_environment():
+    wild = wb.ConvoyConfig().with_robot(
+        RobotConfig(mass_kg=500.0, inertia_kg_m2=(1e-7, 1e-7, 1e-7))
+    )
+    env = FollowVectorEnv(2, wild)
+    env.reset(seed=1)
+    with pytest.raises(RuntimeError, match="the physics became unstable"):
+        for _ in range(100):
+            env.step(np.array([24, 24]))
+
+
+@pytest.mark.parametrize(
+    ("actions", "kind", "message"),
+    [
+        (-1, "discrete", r"actions = \[\[-1\]\]; expected whole numbers from 0 to 48"),
+        (49, "discrete", "expected whole numbers from 0 to 48"),
+        (2.5, "discrete", "expected whole numbers from 0 to 48"),
+        (np.array([np.nan, 0.0]), "continuous", "expected finite numbers from -1 to 1"),
+        (np.array([0.0]), "continuous", r"actions have shape \(1, 1, 1\); expected \(1, 1, 2\)"),
+    ],
+)
+def test_actions_that_are_none_are_refused(actions, kind, message):
+    env = wb.FollowEnv(PLANAR, actions=kind)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=message):
+        env.step(actions)
+    with pytest.raises(ValueError, match=r"actions have shape \(2, 1\); expected \(4, 1\)"):
+        vector = FollowVectorEnv(4)
+        vector.reset(seed=1)
+        vector.step(np.array([24, 24]))
+
+
+def test_what_has_not_begun_or_is_over_says_so():
+    env = wb.FollowEnv(PLANAR, seconds=0.1)
+    for call in (lambda: env.step(24), lambda: env.convoy):
+        with pytest.raises(RuntimeError, match="call reset\\(\\) first"):
+            call()
+    env.reset(seed=1)
+    assert env.step(24)[3]
+    with pytest.raises(RuntimeError, match="the episode is over; call reset"):
+        env.step(24)
+    with pytest.raises(TypeError, match="config is a dict; expected a ConvoyConfig"):
+        wb.FollowEnv({})
+    with pytest.raises(ValueError, match="expected one whole number"):
+        FollowVectorEnv(2).reset(seed=[1, 2])
+
+
+def test_a_reward_that_fails_says_where_at_once_and_is_forgotten_at_a_reset():
+    def sudden(u, v):
+        return (
+            math.nan if u > 0.3 and 0.1 < (u * 50.0) % 1.0 < 0.9 else -u * u
+        )  # between the points of the grid
+
+    env = wb.FollowEnv(PLANAR, reward=sudden)
+    env.reset(seed=2)
+    with pytest.raises(ValueError, match="reward 'sudden' is not finite at u = 0.[3-9]"):
+        for _ in range(60):
+            env.step(0)
+    assert env.convoy.robots["trouble"].any()
+    env.reset()
+    assert not env.convoy.robots["trouble"].any()
+
+
+def test_a_restart_of_the_simulation_is_not_for_environments():
+    env = wb.FollowEnv(replace(PLANAR, reset="restart"))
+    assert env.config.reset == "manoeuvre"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"observation": "pixels"},
+            "observation = 'pixels'; expected one of 'errors', 'tiles', 'infrared'",
+        ),
+        ({"actions": "torque"}, "actions = 'torque'; expected one of 'discrete', 'continuous'"),
+        (
+            {"observation": "infrared"},
+            "with sensing = 'truth'; expected sensing = 'ir-metric' or 'ir-raw'",
+        ),
+        ({"seconds": 0.0}, "seconds = 0.0; expected at least 1, and more than 0"),
+        ({"render_mode": "human"}, "render_mode = 'human'; expected None or 'rgb_array'"),
+    ],
+)
+def test_refusals_name_what_was_given_and_what_is_expected(options, message):
+    for config, said in (
+        (replace(PLANAR, reward="own"), "expected reward=, the function of the run"),
+        (replace(PLANAR, compute_time_s=0.04), "does not know how long its learner computes"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            wb.FollowEnv(config)
+    with pytest.raises(ValueError, match=message):
+        wb.FollowEnv(PLANAR, **options)

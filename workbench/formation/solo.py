@@ -1,0 +1,329 @@
+"""One follower that drives one robot through the robot API: the same sense, tile, act, learn as in
+the compiled convoy.
+
+    follower = SoloFollower(config, policy)                 # greedy, or steps=… to learn
+    report = drive(robot, follower, seconds=60)
+
+``decide`` calls ``formation.follower.act`` on one record, ``learn`` calls
+``formation.follower.learn``; with the same readings and the same seed the commands are those of the
+compiled convoy, bit for bit. With the update buffer (paper II-D) the loop sends the command first
+and learns while it runs.
+
+Contract: readings are eight calibrated counts, or distance and bearing from a camera. The loop ends
+with the robot stopped.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.compiled import compiled
+from workbench.formation import follower as kernel
+from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
+from workbench.formation.policy import Policy
+from workbench.formation.reward import OWN
+from workbench.formation.senses.infrared import look
+from workbench.formation.streams import children
+from workbench.formation.task import fill_task
+from workbench.learning.behaviour import epsilon_at
+from workbench.learning.kernel import new_trace
+from workbench.robot.api import Robot
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.infrared import DARK, SENSORS
+
+Observer = Callable[[], tuple[float, float]]
+Watcher = Callable[["SoloFollower", Robot, float], None]
+
+
+@compiled
+def _decide(
+    task: Any,
+    follower: Any,
+    step: Any,
+    weights: Any,
+    ids: Any,
+    values: Any,
+    distance: float,
+    bearing: float,
+    epsilon: float,
+    u: float,
+    room: bool,
+) -> tuple[int, int, bool]:
+    if task[0].infrared:
+        distance, bearing = look(task[0], follower[0])
+    follower[0].seen_distance = distance
+    follower[0].seen_bearing = bearing
+    return kernel.act(
+        task[0], follower[0], step[0], weights, ids, values, distance, bearing, epsilon, u, room
+    )
+
+
+@compiled
+def _learn(task: Any, follower: Any, weights: Any, ids: Any, values: Any) -> bool:
+    return kernel.learn(task[0], follower[0], weights, ids, values)
+
+
+class SoloFollower:
+    """A follower outside a convoy.
+
+    Args:
+        config: task, tiles, actions, learner and seed; of its convoy only what one follower needs.
+        policy: main weights to start from or to follow; one table, or that of the first follower.
+        steps: learning updates over which it learns, 0 to follow the policy greedily.
+
+    Attributes:
+        record: () of type FOLLOWER, step: () of type STEP: what it saw and did at the last
+            decision.
+        weights: (2, rows * actions) main and secondary weights.
+        updates: learning updates done.
+        epsilon: how often it explores where it does not learn.
+    """
+
+    def __init__(
+        self, config: ConvoyConfig, policy: Policy | None = None, *, steps: int = 0
+    ) -> None:
+        if steps < 0:
+            raise ValueError(
+                f"steps = {steps!r}; expected 0 to follow greedily, or a number of learning updates"
+            )
+        if policy is None and not steps:
+            raise ValueError("a follower without a policy has to learn; give policy= or steps=")
+        if policy is not None:
+            policy.check(config)
+        if steps and config.reward == OWN:
+            raise ValueError(
+                f"ConvoyConfig.reward = {OWN!r} with steps = {steps!r}; a function can only "
+                "be given to learn()"
+            )
+        self.config = config
+        self.steps = steps
+        self.updates = 0
+        self._task = fill_task(config, steps)
+        pairs = config.rows * config.actions
+        self._record = np.zeros(1, FOLLOWER)
+        self._step = np.zeros(1, STEP)
+        self._record["state"] = -1
+        self._record["learns"] = steps > 0
+        self._record["headroom"] = DARK
+        self.weights = np.zeros((2, pairs))
+        self.weights[0] = (
+            config.learner.theta0 / config.tilings if policy is None else policy.theta[0].ravel()
+        )
+        empty = new_trace(pairs)
+        self._ids = np.stack([empty[0], empty[2], empty[0]])
+        self._values = np.stack([empty[1], empty[1]])
+        self._chance = children(config.seed)["policy"]
+        self.probability = 1.0
+        self.epsilon = 0.0
+        arrays = (self._task, self._record, self._step, self.weights, self._ids, self._values)
+        _decide.compile(
+            tuple(numba.typeof(value) for value in (*arrays, 0.0, 0.0, 0.0, 0.0, True))
+        )  # not while a robot waits
+        _learn.compile(
+            tuple(
+                numba.typeof(value)
+                for value in (self._task, self._record, self.weights, self._ids, self._values)
+            )
+        )
+
+    @property
+    def record(self) -> Any:
+        """The follower's record, type FOLLOWER."""
+        return self._record[0]
+
+    @property
+    def step(self) -> Any:
+        """What happened at the last decision, type STEP."""
+        return self._step[0]
+
+    @property
+    def policy(self) -> Policy:
+        """Return what it knows now."""
+        return Policy.of(
+            self.config, self.weights[0].reshape(1, self.config.rows, self.config.actions)
+        )
+
+    def decide(
+        self,
+        readings: NDArray[np.float64] | tuple[float, ...] | None = None,
+        light: tuple[float, ...] | None = None,
+        *,
+        distance: float = 0.0,
+        bearing: float = 0.0,
+    ) -> tuple[int, int]:
+        """Return wheel speeds in whole steps/s.
+
+        Args:
+            readings: (8,) calibrated counts, with sensing by infrared.
+            light: (8,) ambient readings, by which it notices when it is blinded.
+            distance, bearing: of the robot in front in m and rad, with other sensing.
+
+        Raises:
+            FloatingPointError: learning diverged.
+            ValueError: readings are missing or not eight finite numbers.
+        """
+        if self.config.sensing in INFRARED:
+            if readings is None or len(readings) != SENSORS or not np.all(np.isfinite(readings)):
+                raise ValueError(f"readings = {readings!r}; expected {SENSORS} finite counts")
+            self._record["prox"][0] = readings
+            if light is not None:
+                self._record["headroom"][0] = light
+        elif not (np.isfinite(distance) and np.isfinite(bearing)):
+            raise ValueError(
+                f"distance = {distance!r}, bearing = {bearing!r}; expected finite numbers"
+            )
+        learner = self.config.learner
+        task = self._task[0]
+        epsilon = self.epsilon
+        if self.steps:
+            epsilon = epsilon_at(
+                int(task["schedule"]),
+                learner.epsilon,
+                learner.epsilon_final,
+                float(task["epsilon_horizon"]),
+                float(self.updates),
+            )
+        left, right, finite = _decide(
+            self._task,
+            self._record,
+            self._step,
+            self.weights,
+            self._ids,
+            self._values,
+            float(distance),
+            float(bearing),
+            epsilon,
+            float(self._chance.random()),
+            self.updates < self.steps,
+        )
+        if self._step["event"][0] & LEARNED:
+            self.updates += 1
+        if not finite:
+            raise FloatingPointError(
+                f"learning diverged at update {self.updates}; lower the step sizes"
+            )
+        explored = epsilon / self.config.actions
+        greedy = self._step["event"][0] & kernel.EXPLORED == 0
+        self.probability = (
+            explored + (1.0 - epsilon if greedy else 0.0) if self._record["state"][0] >= 0 else 1.0
+        )
+        return int(left), int(right)
+
+    def learn(self) -> None:
+        """Learn the transition that has just ended, if there is one."""
+        if not _learn(self._task, self._record, self.weights, self._ids, self._values):
+            raise FloatingPointError(
+                f"learning diverged at update {self.updates}; lower the step sizes"
+            )
+
+
+@dataclass
+class DriveReport:
+    """What a drive was like.
+
+    Attributes:
+        periods: control periods; missed: those that began late; worst_latency_s: by how much at
+            most.
+        losses, recoveries: of the robot in front; updates: learning updates since the follower
+            began.
+        command_latency_s: mean time from when the readings were there to the command;
+            late_commands: those that took longer than a control period.
+    """
+
+    periods: int
+    missed: int
+    worst_latency_s: float
+    losses: int
+    recoveries: int
+    updates: int
+    command_latency_s: float
+    late_commands: int
+
+
+def drive(
+    robot: Robot,
+    follower: SoloFollower,
+    *,
+    seconds: float,
+    observer: Observer | None = None,
+    watch: Watcher | None = None,
+    update_s: float = 0.0,
+) -> DriveReport:
+    """Let a follower drive a connected robot; the robot is stopped at the end, whatever happens.
+
+    Args:
+        robot: connected.
+        follower: who decides.
+        seconds: of control periods.
+        observer: where distance and bearing come from unless the follower sees by infrared; default
+            ``robot.observe``.
+        watch: called after every decision with follower, robot and the period's time in s, for
+            example a recorder.
+        update_s: wall-clock time that an update takes in addition, to be like a slower computer.
+
+    Raises:
+        RobotError: see ``robot.faults``; stop has been sent where a channel was alive.
+    """
+    infrared = follower.config.sensing in INFRARED
+    buffer = follower.config.learner.buffer
+    if infrared:
+        robot.enable("proximity")
+        if "light" in robot.capabilities:
+            robot.enable("light")
+    see = observer or robot.observe
+    losses = recoveries = late = 0
+    latency = 0.0
+    if not 0 < seconds < math.inf:
+        raise ValueError(f"seconds = {seconds!r}; expected more than 0")
+    missed = robot.missed_deadlines
+    periods = max(1, round(seconds / _period(robot)))
+    robot.worst_latency_s = 0.0
+    try:
+        for _ in range(periods):
+            robot.step()
+            begun = time.monotonic()
+            if not buffer and update_s and follower.record["state"] >= 0 and follower.steps:
+                time.sleep(update_s)
+            if infrared:
+                light = robot.get_light_sensor() if "light" in robot.get_sensors_enabled() else None
+                left, right = follower.decide(robot.get_proximity(), light)
+            else:
+                distance, bearing = see()
+                left, right = follower.decide(distance=distance, bearing=bearing)
+            robot.set_motors_speed(left, right)
+            took = time.monotonic() - begun
+            latency = latency + took
+            late = late + (took > _period(robot))
+            event = int(follower.step["event"])
+            losses = losses + (event & LOSS != 0)
+            recoveries = recoveries + (event & RECOVERED != 0)
+            if buffer and update_s and event & LEARNED:
+                time.sleep(update_s)
+            follower.learn()
+            if watch is not None:
+                watch(follower, robot, robot.time_s)
+        robot.step()
+    finally:
+        if robot.is_connected():
+            robot.stop()
+    return DriveReport(
+        periods,
+        robot.missed_deadlines - missed,
+        robot.worst_latency_s,
+        losses,
+        recoveries,
+        follower.updates,
+        latency / periods,
+        late,
+    )
+
+
+def _period(robot: Robot) -> float:
+    return robot.period_s or CONTROL_PERIOD

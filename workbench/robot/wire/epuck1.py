@@ -1,0 +1,254 @@
+"""A real e-puck1 over its serial line, in SerCom (``robot.wire.sercom``), ASCII or binary.
+
+    with SerComRobot("/dev/rfcomm0") as robot: ...
+    with SerComRobot("/dev/ttyS0", variant="overo", binary=True) as robot: ...
+
+Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop.
+What came too late for an earlier request is dropped. On the Overo the ground sensors are on a bus
+of Linux and not here.
+
+Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (4 s)
+and reset (2 s).
+"""
+
+import time
+from collections.abc import Sequence
+
+from workbench.robot.api import MAY_MOVE, WATCHDOG_S, Robot
+from workbench.robot.faults import BadReply, LinkTimeout, RobotError
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.wire.links import SerialLink
+from workbench.robot.wire.sercom import (
+    READS,
+    VARIANTS,
+    ascii_numbers,
+    ascii_request,
+    binary_numbers,
+    binary_request,
+    check_counts,
+)
+
+CALIBRATION_S = 4.0
+RESET_S = 2.0
+QUIET_S = 0.05
+
+
+class SerComRobot(Robot):
+    """An e-puck1.
+
+    Args:
+        address: serial port.
+        debug: print every exchange.
+        variant: one of ``sercom.VARIANTS``.
+        binary: use the binary protocol for sensors and speeds.
+        baud: default: the variant's.
+        timeout_s: for one reply.
+        period_s, watchdog_s: see Robot.
+    """
+
+    most_counts = 2**15 - 1
+
+    def __init__(
+        self,
+        address: str,
+        debug: bool = False,
+        *,
+        variant: str = "epuck1",
+        binary: bool = False,
+        baud: int | None = None,
+        timeout_s: float = 0.25,
+        period_s: float = CONTROL_PERIOD,
+        watchdog_s: float | None = WATCHDOG_S,
+    ) -> None:
+        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug)
+        if variant not in VARIANTS:
+            raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
+        self.address = address
+        self.variant = VARIANTS[variant]
+        self.binary = binary
+        self.baud = baud or self.variant.baud
+        self.timeout_s = timeout_s
+        able = {
+            "proximity",
+            "light",
+            "motor_speed",
+            "motor_position",
+            "accelerometer",
+            "selector",
+            "battery",
+        }
+        able |= {"drive", "calibrate", "led", "raw", "microphone"}
+        able |= {"floor"} if self.variant.floor_ascii else set()
+        able |= {"body_led", "front_led"} if self.variant.lights else set()
+        self.capabilities = frozenset(able)
+        self._link: SerialLink | None = None
+
+    def _open(self) -> None:
+        self._link = SerialLink(self.address, self.baud, timeout_s=self.timeout_s)
+        try:
+            for start in (
+                b"\x00",
+                b"\r",
+                b"\r",
+            ):  # again after a line that was noise while the port opened, or lost a byte
+                self._link.write(start + ascii_request("D", 0, 0))
+                try:
+                    told = self._ask("E", counts=(2,))
+                except (LinkTimeout, BadReply) as error:
+                    fault: RobotError = error
+                    continue
+                if told == (0, 0):
+                    break
+                fault = BadReply(f"speeds (0, 0) were sent, {told} came back: {MAY_MOVE}")
+            else:
+                raise fault
+        except RobotError:
+            self._close()
+            raise
+
+    def _close(self) -> None:
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def _settle(self) -> None:
+        """Read until the line is quiet."""
+        link = self._channel()
+        try:
+            for _ in range(20):
+                link.read_line(QUIET_S)
+        except (LinkTimeout, BadReply):
+            pass  # quiet, or a half line
+        link.drain()
+
+    def _channel(self) -> SerialLink:
+        if self._link is None:
+            raise LinkTimeout("the serial port is closed")
+        return self._link
+
+    def _say(self, data: bytes) -> SerialLink:
+        link = self._channel()
+        link.drain()
+        if self.debug:
+            print("→", data)
+        link.write(data)
+        return link
+
+    def _ask(self, letter: str, *numbers: int, counts: tuple[int, ...]) -> tuple[int, ...]:
+        link = self._say(ascii_request(letter, *numbers))
+        line = self._read_reply(link, letter.lower(), self.timeout_s)
+        return ascii_numbers(line, letter.lower(), counts)
+
+    def _read_reply(self, link: SerialLink, letter: str, timeout_s: float) -> bytes:
+        """Return the line that begins with a letter; lines before it answer requests that were
+        given up.
+        """
+        deadline = time.monotonic() + timeout_s
+        other = None
+        while True:
+            try:
+                line = link.read_line(max(0.0, deadline - time.monotonic()))
+            except LinkTimeout:
+                if other is None:
+                    raise
+                raise BadReply(f"expected '{letter},…', got {other[:60]!r}") from None
+            if self.debug:
+                print("←", line)
+            if line[:1] == letter.encode():
+                return line
+            other = line
+
+    def _drive(self, left: int, right: int) -> None:
+        if (
+            self.binary
+        ):  # D has no reply of its own: the echo of E behind it confirms that it was heard
+            told = binary_numbers(
+                self._say(binary_request(("D", left, right), ("E",))).read(4), "h"
+            )
+            if told != (left, right):
+                raise BadReply(f"speeds {(left, right)} were sent, {told} came back")
+        else:
+            self._ask("D", left, right, counts=(0,))
+
+    def _count(self, sensor: str, *, binary: bool) -> tuple[int, ...]:
+        if sensor in ("proximity", "light"):
+            return (self.variant.infrared,)
+        if sensor == "floor":
+            return (self.variant.floor_binary if binary else self.variant.floor_ascii,)
+        return (3,) if sensor == "accelerometer" else (2,)
+
+    def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
+        found: dict[str, tuple[float, ...]] = {}
+        chained = [sensor for sensor in sensors if sensor in READS] if self.binary else []
+        if chained:
+            # the echo of E behind the readings tells replies that have slipped, such as the late
+            # half of an earlier one
+            link = self._say(binary_request(*((READS[sensor][0],) for sensor in chained), ("E",)))
+            sizes = [2 * self._count(sensor, binary=True)[0] for sensor in chained]
+            data = link.read(sum(sizes) + 4)
+            told = binary_numbers(data[-4:], "h")
+            if told != self._speed:
+                raise BadReply(
+                    f"speeds {self._speed} are set, {told} came back behind the readings"
+                )
+            for sensor, size in zip(chained, sizes, strict=True):
+                found[sensor] = self._accept(sensor, binary_numbers(data[:size], READS[sensor][2]))
+                data = data[size:]
+        for sensor in sensors:
+            if sensor not in found:
+                found[sensor] = self._read_one(sensor)
+        return found
+
+    def _read_one(self, sensor: str) -> tuple[float, ...]:
+        if sensor in READS:
+            letter = READS[sensor][0]
+            if sensor == "accelerometer":
+                letter = "A"
+            return self._accept(sensor, self._ask(letter, counts=self._count(sensor, binary=False)))
+        if sensor == "selector":
+            return self._accept(sensor, self._ask("C", counts=(1,)))
+        if sensor == "battery":
+            return self._accept(sensor, self._ask("b", counts=(1,)))
+        return self._accept(sensor, self._ask("U", counts=(3,)))
+
+    def _accept(self, sensor: str, values: tuple[int, ...]) -> tuple[float, ...]:
+        if sensor in ("proximity", "light"):
+            return check_counts(sensor, values)[:8]
+        if sensor == "floor":
+            return check_counts(sensor, values)[:3]
+        return tuple(float(value) for value in values)
+
+    def _set_device(self, device: str, values: tuple[int, ...]) -> None:
+        if device == "motor_position":
+            self._ask("P", *values, counts=(0,))
+        elif device == "led":
+            self._ask("L", *values, counts=(0,))
+        elif device == "body_led":
+            self._ask("B", *values, counts=(0,))
+        elif device == "front_led":
+            self._ask("F", *values, counts=(0,))
+        else:
+            link = self._say(ascii_request("K"))
+            for _ in range(2):  # it has started; it has finished
+                self._read_reply(link, "k", CALIBRATION_S)
+
+    def _version(self) -> str:
+        with self._lock:
+            return str(self._protected(lambda: self._raw("V")))
+
+    def _reset(self) -> None:
+        self._drive(0, 0)
+        link = self._say(ascii_request("R"))
+        while b"WELCOME" not in link.read_line(RESET_S):
+            pass
+        self._settle()
+
+    def _raw(self, message: str) -> str:
+        link = self._say(message.encode("ascii") + b"\r")
+        lines = [link.read_line()]
+        try:
+            while len(lines) < 20:
+                lines.append(link.read_line(QUIET_S))
+        except LinkTimeout:
+            pass  # that was all
+        return "\n".join(line.decode("ascii", "replace") for line in lines)

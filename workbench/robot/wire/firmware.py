@@ -1,0 +1,302 @@
+"""The robot's end of the wire: SerCom and e-puck2 packets, answered around any robot of the API.
+
+``SerComFirmware`` and ``EPuck2Firmware`` are state machines of bytes: ``feed`` takes what has come
+in and returns what goes out. They have the firmware's habits, also the bad ones
+(gctronic/e-puck-library Asercom.c, GCtronic e-puck2): a chain of binary commands without its 0x00
+makes the parser deaf to lines; ``M`` is silent on the Overo; N and O have ten values there; E
+echoes the command; Q wraps at 16 bits; an unknown command is told so.
+
+>>> from workbench.formation.simulated import SimulatedRobot
+>>> from workbench.robot.wire.sercom import VARIANTS
+>>> with SimulatedRobot() as body:
+...     firmware = SerComFirmware(body, VARIANTS["overo"])
+...     firmware.feed(b"D,300,300\\rE\\rM\\rX\\r")
+b'd\\r\\ne,300,300\\r\\nz,Command not found\\r\\n'
+
+Contract: no threads, no clocks; ``lockstep`` lets a control period pass whenever a sensor is read a
+second time, otherwise whoever owns the body lets time pass. A firmware never raises on bytes.
+"""
+
+import struct
+from typing import Protocol
+
+from workbench.robot.api import Robot
+from workbench.robot.wire.epuck2 import (
+    COMMAND,
+    COMMAND_BYTES,
+    EMPTY_PACKET,
+    PLACES,
+    SENSOR_BYTES,
+    SENSORS_PACKET,
+)
+from workbench.robot.wire.sercom import Variant
+
+WELCOME = (
+    b"\x0c\x07WELCOME to the SerCom protocol on e-Puck\r\nthe EPFL education robot "
+    b'type "H" for help\r\n'
+)
+VERSION = b"v,Version 1.2.2 August 2008 GCtronic\r\nHW version: emulated\r\n"
+CALIBRATING = (
+    b"k, Starting calibration - Remove any object in sensors range\r\n",
+    b"k, Calibration finished\r\n",
+)
+_OPERANDS = {"D": 4, "P": 4, "L": 2}  # bytes after a binary command; all others have none
+_LINE = 64  # bytes of the receiving ring
+
+
+class Firmware(Protocol):
+    """Bytes in, bytes out."""
+
+    def feed(self, data: bytes) -> bytes:
+        """Take bytes that came in and return those that go out."""
+
+    def live(self) -> None:
+        """Let the body move on for a control period."""
+
+
+class _Body:
+    """A robot as its firmware sees it."""
+
+    def __init__(self, robot: Robot, lockstep: bool) -> None:
+        self.robot = robot
+        self._lockstep = lockstep
+        self._seen = set[str]()
+        robot.enable(
+            "proximity", "light", "floor", "motor_position", "accelerometer", "selector", "battery"
+        )
+        self._awake = False
+
+    def sensor(self, name: str) -> list[int]:
+        """Return a sensor's values; in lockstep, who reads a sensor again reads it a control period
+        later.
+        """
+        if not self._awake:
+            self.robot.step()
+            self._awake = True
+        if self._lockstep:
+            if name in self._seen:
+                self.robot.step()
+                self._seen.clear()
+            self._seen.add(name)
+        read = {
+            "proximity": self.robot.get_proximity,
+            "light": self.robot.get_light_sensor,
+            "floor": self.robot.get_floor_sensors,
+            "motor_position": self.robot.get_motor_position,
+            "accelerometer": self.robot.get_accelerometer,
+            "selector": self.robot.get_selector,
+            "battery": self.robot.get_battery,
+        }
+        return [int(value) for value in read[name]()]
+
+    def live(self) -> None:
+        """Let a control period pass."""
+        self.robot.step()
+        self._awake = True
+
+    def drive(self, left: int, right: int) -> tuple[int, int]:
+        most = self.robot.most_steps
+        speeds = (max(-most, min(most, left)), max(-most, min(most, right)))
+        self.robot.set_motors_speed(*speeds)
+        return speeds
+
+
+class SerComFirmware:
+    """An e-puck1's SerCom around a connected robot.
+
+    Args:
+        robot: the body.
+        variant: see ``robot.wire.sercom.VARIANTS``.
+        lockstep: let a control period pass whenever a sensor is read a second time.
+    """
+
+    def __init__(self, robot: Robot, variant: Variant, *, lockstep: bool = False) -> None:
+        self._body = _Body(robot, lockstep)
+        self.variant = variant
+        self._line = bytearray()
+        self._chain = bytearray()
+        self._binary = False
+        self._speed = (0, 0)
+
+    def live(self) -> None:
+        """Let the body move on for a control period."""
+        self._body.live()
+
+    def feed(self, data: bytes) -> bytes:
+        """Take bytes and return the replies, in order."""
+        out = bytearray()
+        for byte in data:
+            if self._binary:
+                self._chain.append(byte)
+                out += self._run_chain()
+            elif byte >= 128 and not self._line:
+                self._binary = True
+                self._chain[:] = [byte]
+                out += self._run_chain()
+            elif byte in (10, 13):
+                if self._line:
+                    out += self._run_line(bytes(self._line))
+                    self._line.clear()
+            elif byte and len(self._line) < _LINE:
+                self._line.append(byte)
+        return bytes(out)
+
+    def _run_chain(self) -> bytes:
+        """Run what is complete of a binary chain; 0x00 ends it."""
+        out = b""
+        while self._chain:
+            if self._chain[0] == 0:
+                self._binary = False
+                rest = bytes(self._chain[1:])
+                self._chain.clear()
+                return out + (self.feed(rest) if rest else b"")
+            letter = chr(256 - self._chain[0])
+            size = _OPERANDS.get(letter, 0)
+            if len(self._chain) < 1 + size:
+                return out
+            operands = bytes(self._chain[1 : 1 + size])
+            del self._chain[: 1 + size]
+            out += self._run_binary(letter, operands)
+        return out
+
+    def _run_binary(self, letter: str, operands: bytes) -> bytes:
+        if letter == "D":
+            self._speed = self._body.drive(*struct.unpack("<hh", operands))
+            return b""
+        if letter == "P":
+            self._body.robot.set_motor_position(*struct.unpack("<hh", operands))
+            return b""
+        values = self._numbers(
+            letter.upper() if letter == "a" else letter, self.variant.floor_binary
+        )
+        return (
+            b""
+            if values is None
+            else struct.pack(f"<{len(values)}H", *(value & 0xFFFF for value in values))
+        )
+
+    def _numbers(self, letter: str, floor: int) -> list[int] | None:
+        """Return the numbers of a reading, None if the command reads nothing."""
+        if letter in ("N", "O"):
+            ring = self._body.sensor("proximity" if letter == "N" else "light")
+            return (ring + [0, 0])[: self.variant.infrared]
+        if letter == "M":
+            return (self._body.sensor("floor") + [0, 0])[:floor] if floor else None
+        if letter == "E":
+            return list(self._speed)
+        if letter == "Q":
+            return [_wrap16(value) for value in self._body.sensor("motor_position")]
+        if letter == "A":
+            return self._body.sensor("accelerometer")
+        if letter == "U":
+            return [0, 0, 0]
+        return None
+
+    def _run_line(self, line: bytes) -> bytes:
+        text = line.decode("ascii", "replace").strip()
+        letter, *fields = text.split(",")
+        if letter.upper() not in ("B", "G"):
+            letter = letter.upper()
+        try:
+            numbers = [int(field) for field in fields]
+        except ValueError:
+            numbers = []
+        if letter == "D" and len(numbers) == 2:
+            self._speed = self._body.drive(*numbers)
+            return b"d\r\n"
+        if letter == "P" and len(numbers) == 2:
+            self._body.robot.set_motor_position(*numbers)
+            return b"p\r\n"
+        if letter in ("L", "B", "F"):
+            return self._light(letter, numbers)
+        if letter == "S":
+            self._speed = self._body.drive(0, 0)
+            return b"s\r\n"
+        if letter == "K":
+            self._body.robot.calibrate_proximity_sensors()
+            return b"".join(CALIBRATING)
+        if letter == "V":
+            return VERSION
+        if letter == "R":
+            self._speed = self._body.drive(0, 0)
+            return b"r\r\n" + WELCOME
+        if letter in ("C", "b"):
+            values = self._body.sensor("selector" if letter == "C" else "battery")
+            return f"{letter.lower()},{values[0]}\r\n".encode()
+        if letter == "M" and not self.variant.floor_ascii:
+            return b""
+        reading = self._numbers(letter, self.variant.floor_ascii) if not numbers else None
+        if reading is None:
+            return b"z,Command not found\r\n"
+        return (",".join([letter.lower(), *map(str, reading)]) + "\r\n").encode()
+
+    def _light(self, letter: str, numbers: list[int]) -> bytes:
+        robot = self._body.robot
+        if letter == "L" and len(numbers) == 2:
+            robot.set_led(*numbers)
+            return b"l\r\n"
+        if letter == "L" or len(numbers) != 1 or not self.variant.lights:
+            return b"z,Command not found\r\n"
+        (robot.set_body_led if letter == "B" else robot.set_front_led)(numbers[0])
+        return f"{letter.lower()}\r\n".encode()
+
+
+class EPuck2Firmware:
+    """An e-puck2's WiFi packets around a connected robot; arguments as SerComFirmware."""
+
+    def __init__(self, robot: Robot, *, lockstep: bool = False) -> None:
+        self._body = _Body(robot, lockstep)
+        self._buffer = bytearray()
+
+    def live(self) -> None:
+        """Let the body move on for a control period."""
+        self._body.live()
+
+    def forget(self) -> None:
+        """Drop half a packet."""
+        self._buffer.clear()
+
+    def feed(self, data: bytes) -> bytes:
+        """Take bytes and return a reply for every whole command packet; bytes that begin none are
+        skipped.
+        """
+        self._buffer += data
+        out = b""
+        while True:
+            while self._buffer and self._buffer[0] != COMMAND:
+                del self._buffer[0]
+            if len(self._buffer) < COMMAND_BYTES:
+                return out
+            packet = bytes(self._buffer[:COMMAND_BYTES])
+            del self._buffer[:COMMAND_BYTES]
+            out += self._answer(packet)
+
+    def _answer(self, packet: bytes) -> bytes:
+        _, request, settings, left, right, leds = struct.unpack_from("<BBBhhB", packet)
+        robot = self._body.robot
+        if settings & 1:
+            robot.calibrate_proximity_sensors()
+        if settings & 4:
+            robot.set_motor_position(left, right)
+        else:
+            self._body.drive(left, right)
+        for led in range(8):
+            robot.set_led(led, leds >> led & 1)
+        if not request & 0b10:
+            return bytes([EMPTY_PACKET])
+        data = bytearray(SENSOR_BYTES)
+        for sensor, (place, code) in PLACES.items():
+            count = struct.calcsize(code) // struct.calcsize("<" + code[-1])
+            values = (
+                [0] * count
+                if sensor == "microphone"
+                else (self._body.sensor(sensor) + [0] * count)[:count]
+            )
+            if code[-1] == "h":
+                values = [_wrap16(value) for value in values]
+            struct.pack_into(code, data, place, *values)
+        return bytes([SENSORS_PACKET]) + bytes(data)
+
+
+def _wrap16(value: int) -> int:
+    return (value + 32768) % 65536 - 32768

@@ -1,0 +1,91 @@
+"""Trials of the full run through the overhead camera: learn, follow greedily, and follow for five
+minutes on real pixels.
+
+Learning and the greedy evaluation use the configuration's own sensing; the last five minutes are
+driven twice from the same start, once with sensing "camera" and once with every picture drawn and
+searched. Errors of those are true ones.
+
+>>> config = ConvoyConfig(followers=1, drive="planar", sensing="camera")
+>>> trial = Trial(config=config, steps=300, minutes=1.0)
+>>> numbers = measure_camera(trial, pixel_minutes=0.05)
+>>> sorted(numbers)[:3]
+['bearing_std_deg_last_third', 'camera_bearing_std_deg', 'camera_losses']
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.formation.config import CAMERA, ConvoyConfig
+from workbench.formation.convoy import Convoy
+from workbench.formation.follower import LOSS
+from workbench.formation.policy import Policy
+from workbench.lab.runs import evaluate, learn
+from workbench.lab.trial import UNSEEN, Trial
+from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.studies.infrared_trials import true_errors
+
+PIXEL_MINUTES = 5.0
+
+
+def measure_camera(trial: Trial, *, pixel_minutes: float = PIXEL_MINUTES) -> dict[str, float]:
+    """Return shares of visits, losses and errors of the full run, greedy, and on pixels beside the
+    fast model.
+    """
+    run = learn(trial.config, steps=trial.steps, progress=False)
+    judged = trial.config.with_seed(trial.config.seed + UNSEEN)
+    assert isinstance(run.policy, Policy)
+    learned = run.summary
+    greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
+    kept = ("share_best_cell", "share_best_3x3", "losses")
+    late = ("share_best_3x3_last_third", "rms_distance_mm_last_third", "bearing_std_deg_last_third")
+    result = {
+        name: float(learned[name]) if learned[name] is not None else math.nan
+        for name in kept + late
+    }
+    result |= {
+        f"greedy_{name}": math.nan if greedy[name] is None else float(greedy[name])
+        for name in ("losses", "rms_distance_mm", "bearing_std_deg", "share_best_3x3")
+    }
+    for sensing in CAMERA:
+        seen = trial.config.sensing in CAMERA  # without a camera there is nothing to compare
+        numbers = (
+            followed(run.policy, replace(judged, sensing=sensing), pixel_minutes)
+            if seen
+            else dict.fromkeys(_NAMES, math.nan)
+        )
+        result |= {f"{sensing}_{name}": value for name, value in numbers.items()}
+    return result
+
+
+_NAMES = ("losses", "rms_distance_mm", "bearing_std_deg")
+
+
+def followed(policy: Policy, config: ConvoyConfig, minutes: float) -> dict[str, float]:
+    """Return losses and true errors in mm and degrees of a greedy drive."""
+    convoy = Convoy(
+        config,
+        [config.seed],
+        periods=round(minutes * 60 / CONTROL_PERIOD),
+        policy=policy.theta,
+        threads=1,
+    )
+    losses = 0
+    distances = []
+    bearings = []
+    while not convoy.finished:
+        block = convoy.run_block()[0]
+        steps = block[: np.count_nonzero(block["phase"][:, 0] >= 0)]
+        losses += int(np.count_nonzero(steps["event"][:, 1:] & LOSS))
+        distance, bearing = true_errors(steps)
+        distances.append(distance)
+        bearings.append(bearing)
+    error = np.concatenate(distances) - config.middle_m
+    spread = float(np.concatenate(bearings).std())
+    rms = 1000 * math.sqrt(float(np.mean(error**2)))
+    return {
+        "losses": float(losses),
+        "rms_distance_mm": rms,
+        "bearing_std_deg": math.degrees(spread),
+    }

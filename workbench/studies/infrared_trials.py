@@ -1,0 +1,170 @@
+"""Trials of followers that see with nothing but infrared: learn, then follow greedily while being
+held up again and again.
+
+Everything is judged by true poses, which the followers never learn. The working range is 80 to 130
+mm between centres and ±25° (what a configuration names as its bounds). A loss is recovered when its
+follower is following again, truly inside the working range of its own predecessor, within ten
+seconds.
+
+>>> config = ConvoyConfig(**INFRARED_BASE, drive="planar", sensing="ir-metric", followers=1)
+>>> trial = Trial(config=config, steps=500, minutes=1.0)
+>>> numbers = measure_infrared(trial)
+>>> numbers["holds"], 0 <= numbers["share_inside_last_third"] <= 1
+(5.0, True)
+"""
+
+import math
+from dataclasses import fields as names_of
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.formation.config import SETTINGS, ConvoyConfig
+from workbench.formation.convoy import Convoy
+from workbench.formation.follower import BLINDED, GAVE_UP, LOSS
+from workbench.formation.policy import Policy
+from workbench.formation.reset import FOLLOW
+from workbench.formation.simulated import SimulatedRobot
+from workbench.formation.solo import SoloFollower
+from workbench.lab.trial import UNSEEN, Trial
+from workbench.robot.geometry import CONTROL_PERIOD
+
+WITHIN = round(10.0 / CONTROL_PERIOD)  # control periods in which a loss has to be over
+# times the control periods that undisturbed learning takes, after which a run ends unfinished
+PATIENCE = 2
+HOLDS_PER_MINUTE = 5
+LONGEST_HOLD = round(1.0 / CONTROL_PERIOD)
+INFRARED_BASE = {
+    field.name: getattr(SETTINGS["infrared"], field.name) for field in names_of(ConvoyConfig)
+}
+for _name in ("drive", "sensing", "followers"):
+    INFRARED_BASE.pop(_name)
+
+
+def measure_infrared(trial: Trial) -> dict[str, float]:
+    """Return shares inside the working range, errors in mm and degrees, losses and recoveries,
+    learning and held up.
+    """
+    periods = PATIENCE * trial.steps // trial.config.followers + 1
+    convoy = Convoy(
+        trial.config, [trial.config.seed], steps=trial.steps, periods=periods, threads=1
+    )
+    kept = []
+    while not convoy.finished:
+        block = convoy.run_block()[0]
+        kept.append(block[: np.count_nonzero(block["phase"][:, 0] >= 0)].copy())
+    steps = np.concatenate(kept)
+    late = steps[2 * len(steps) // 3 :]
+    distance, bearing = true_errors(late)
+    inside = within(trial.config, distance, bearing)
+    following = within(trial.config, *true_errors(steps)) & (steps["phase"][:, 1:] == FOLLOW)
+    recovered, losses = recoveries(steps["event"][:, 1:], following)
+    error = distance[inside] - trial.config.middle_m
+    theta, _ = convoy.tables(0)
+    alone = replace(trial.config, followers=1, seed=trial.config.seed + UNSEEN)
+    return {
+        "updates": float(convoy.updates[0]),
+        "share_inside_last_third": float(inside.mean()),
+        "share_inside_worst_follower": float(inside.mean(axis=0).min()),
+        "rms_distance_mm": 1000 * math.sqrt(float(np.mean(error**2))) if inside.any() else math.nan,
+        "bearing_std_deg": math.degrees(float(bearing[inside].std())) if inside.any() else math.nan,
+        "losses": float(losses),
+        "recovered_within_10_s": recovered / losses if losses else math.nan,
+        "losses_last_third": float(np.count_nonzero(late["event"][:, 1:] & LOSS)),
+        "gave_up": float(np.count_nonzero(steps["event"][:, 1:] & GAVE_UP)),
+        "share_blinded": float(np.mean(steps["event"][:, 1:] & BLINDED != 0)),
+    } | _held_up(alone, Policy.of(trial.config, theta[:1]), trial)
+
+
+def true_errors(steps: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return true distance in m and bearing in rad of every follower's predecessor, (periods,
+    followers), from STEP records.
+    """
+    x, y, heading = (steps[name].astype(float) for name in ("x", "y", "heading"))
+    dx, dy = x[:, :-1] - x[:, 1:], y[:, :-1] - y[:, 1:]
+    bearing = np.arctan2(dy, dx) - heading[:, 1:]
+    return np.hypot(dx, dy), (bearing + np.pi) % (2 * np.pi) - np.pi
+
+
+def within(
+    config: ConvoyConfig, distance: NDArray[np.float64], bearing: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return whether distances and bearings lie inside a configuration's bounds."""
+    low, high = config.distance_m
+    inside: NDArray[np.bool_] = (
+        (distance >= low) & (distance < high) & (np.abs(bearing) < config.bearing_limit_rad)
+    )
+    return inside
+
+
+def recoveries(events: NDArray[np.int16], following: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return how many losses ended within ten seconds, and how many there were; losses of the last
+    ten seconds do not count.
+
+    Args:
+        events: (periods, followers) of STEP.event.
+        following: (periods, followers), whether a follower follows, truly inside its working range.
+    """
+    recovered = losses = 0
+    for event, follows in zip(events.T, following.T, strict=True):
+        back = np.flatnonzero(follows)
+        lost = np.flatnonzero(event & LOSS)
+        lost = lost[lost + WITHIN < len(event)]
+        next_back = np.append(back, len(event) + WITHIN)[np.searchsorted(back, lost, side="left")]
+        losses += len(lost)
+        recovered += int(np.count_nonzero(next_back - lost <= WITHIN))
+    return recovered, losses
+
+
+def _start(robot: SimulatedRobot, config: ConvoyConfig, policy: Policy) -> SoloFollower:
+    if config.infrared.calibrated:
+        robot.calibrate_proximity_sensors()
+    return SoloFollower(config, policy)
+
+
+def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, float]:
+    """Follow greedily behind one leader, held still for up to a second again and again; count what
+    recovers in ten seconds.
+    """
+    rng = np.random.default_rng([config.seed, *b"holds"])
+    count = max(1, round(HOLDS_PER_MINUTE * trial.minutes))
+    recovered = 0
+    lost = 0
+    with SimulatedRobot(config) as robot:
+        robot.enable("proximity", "light")
+        follower = _start(robot, config, policy)
+
+        def follow() -> bool:
+            robot.step()
+            robot.set_motors_speed(
+                *follower.decide(robot.get_proximity(), robot.get_light_sensor())
+            )
+            return bool(
+                follower.record["phase"] == FOLLOW
+                and within(config, *map(np.asarray, robot.true_errors()))
+            )
+
+        for _ in range(count):
+            for _ in range(int(rng.integers(20, 60))):
+                follow()
+            for _ in range(int(rng.integers(1, LONGEST_HOLD + 1))):
+                robot.set_motors_speed(0, 0)
+                robot.step()
+            gone = False
+            for period in range(WITHIN):
+                back = follow()
+                if not gone and follower.step["event"] & LOSS:
+                    gone = True
+                    lost = lost + 1
+                if back and (gone or period >= LONGEST_HOLD):
+                    recovered += 1
+                    break
+            else:  # the leader is gone: the next hold begins behind it again
+                robot.reset()
+                follower = _start(robot, config, policy)
+    return {
+        "holds": float(count),
+        "holds_recovered": recovered / count,
+        "holds_that_lost": lost / count,
+    }
