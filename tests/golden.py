@@ -297,7 +297,13 @@ def run_solo(config, steps):
             robot.set_motors_speed(left, right)
             follower.learn()
             readings.append(
-                [*seen, left, right, follower.probability, float(follower.record["state"])]
+                [
+                    *seen,
+                    left,
+                    right,
+                    follower.probability,
+                    float(follower.record["choice"]["state"]),
+                ]
             )
     table = np.array(readings)
     return {

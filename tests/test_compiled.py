@@ -7,16 +7,17 @@ import sys
 
 import numba
 
-from workbench import compiled as module
-from workbench import paths
+from workbench import compiled as module, paths
 from workbench.compiled import compiled, uncompiled
 
 SCRIPT = """
 from workbench.formation.leader import follow_line
 import numpy as np
-known = [("knows_white", "f8", (3,)), ("knows_black", "f8", (3,))]
-leader = np.zeros(1, [("memory", "f8"), ("timer", "i8"), *known])
-leader["knows_white"], leader["knows_black"] = 948.0, 300.0
+from workbench.formation.leader import GROUND
+from workbench.formation.reset import RESET
+leader = np.zeros(1, [("ground", GROUND), ("reset", RESET)])
+leader["ground"]["knows_white"] = 948.0
+leader["ground"]["knows_black"] = 300.0
 from numba import njit
 call = njit(lambda leader: follow_line(leader[0], 700.0, 300.0, 948.0, 466.0, 1.0))
 print(*call(leader), follow_line.stats.cache_hits if hasattr(follow_line, "stats") else 0)
@@ -57,7 +58,7 @@ def test_an_edit_of_a_called_module_takes_effect_at_the_next_start(tmp_path):
         (tmp_path / "workbench" / "__pycache__" / "numba").glob("workbench.formation.leader-*")
     )
     assert len(folders) == 2 and all(any(folder.rglob("*.nbi")) for folder in folders)
-    plot = tmp_path / "workbench" / "study" / "plots.py"
+    plot = tmp_path / "workbench" / "plots" / "runs.py"
     plot.write_text(plot.read_text() + "\nEDITED = 1\n")
     compiled_before = set((tmp_path / "workbench" / "__pycache__" / "numba").iterdir())
     assert _run(tmp_path) == edited

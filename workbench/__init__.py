@@ -24,7 +24,7 @@ def _introduce() -> None:
     everybody its time.
     """
     if "gymnasium" in sys.modules:
-        from .doors.registration import register
+        from .envs.registration import register
 
         register()
 

@@ -5,8 +5,8 @@ from .arena.tracks import make_track as make_track
 from .arena.world import World as World
 from .envs.environments import ConvoyEnv as ConvoyEnv
 from .envs.environments import FollowEnv as FollowEnv
-from .formation.config import SETTINGS as SETTINGS
 from .formation.config import ConvoyConfig as ConvoyConfig
+from .formation.config import SETTINGS as SETTINGS
 from .formation.convoy import Convoy as Convoy
 from .formation.functions import OwnLaw as OwnLaw
 from .formation.laws import LAWS as LAWS
@@ -33,6 +33,8 @@ from .measures.motion import follow as follow
 from .measures.smoothness import ldlj as ldlj
 from .measures.smoothness import ldlj_vector as ldlj_vector
 from .measures.smoothness import sparc as sparc
+from .measures.verdicts import Verdict as Verdict
+from .measures.verdicts import ruling as ruling
 from .plots.figures import save_figure as save_figure
 from .robot.description import load_robot as load_robot
 from .robot.open import open_robot as open_robot

@@ -10,8 +10,7 @@ import signal
 import sys
 import time
 from contextlib import ExitStack
-from dataclasses import fields as dataclass_fields
-from dataclasses import is_dataclass
+from dataclasses import fields as dataclass_fields, is_dataclass
 from pathlib import Path
 from typing import Any
 

@@ -25,7 +25,7 @@ from workbench.lab.records import Recorder
 from workbench.lab.runs import learn
 from workbench.lab.sweeps import cores, sweep
 from workbench.learning.behaviour import greedy_action
-from workbench.learning.kernel import gq_update, new_trace
+from workbench.learning.kernel import Features, Learner, Signal, StepSizes, gq_update, new_trace
 
 _EVERY = {"wheels": 4, "planar": 1, "4": 1, "64": 9}  # long blocks take fewer turns
 
@@ -211,7 +211,7 @@ def _updates(count: int = 200_000, turns: int = 9) -> dict[str, float]:
             theta = np.full(side * side * 49, -0.1)
             w = np.zeros(side * side * 49)
             begun = time.perf_counter()
-            _replay(theta, w, *new_trace(theta.size), states, actions, rho)
+            _replay(Learner(theta, w, *new_trace(theta.size)), states, actions, rho)
             taken.append((time.perf_counter() - begun) / count * 1e6)
     # the first turn compiles
     small = np.array(times[5][1:])
@@ -224,36 +224,15 @@ def _updates(count: int = 200_000, turns: int = 9) -> dict[str, float]:
 
 
 @compiled
-def _replay(
-    theta: Any, w: Any, index: Any, value: Any, slot: Any, states: Any, actions: Any, rho: Any
-) -> None:
+def _replay(learner: Any, states: Any, actions: Any, rho: Any) -> None:
     """Learn a given walk with reward -1, as the followers do, in one compiled loop."""
-    phi = np.empty(1, np.int64)
-    bar = np.empty(1, np.int64)
-    one = np.ones(1)
+    phi = Features(np.empty(1, np.int64), np.ones(1))
+    bar = Features(np.empty(1, np.int64), np.ones(1))
+    sizes = StepSizes(0.1, 1e-3, 1e-8, 0.0)
     n = 0
     for t in range(actions.size):
-        phi[0] = states[t] * 49 + actions[t]
-        bar[0] = states[t + 1] * 49 + greedy_action(theta, states[t + 1] * 49, 49)
-        n, _, _ = gq_update(
-            theta,
-            w,
-            index,
-            value,
-            slot,
-            n,
-            phi,
-            one,
-            bar,
-            one,
-            -1.0,
-            0.0,
-            1.0,
-            rho[t],
-            0.64,
-            0.8,
-            0.8,
-            0.1,
-            1e-3,
-            1e-8,
-        )
+        phi.index[0] = states[t] * 49 + actions[t]
+        start = states[t + 1] * 49
+        bar.index[0] = start + greedy_action(learner.theta, start, 49)
+        signal = Signal(-1.0, 0.0, 1.0, rho[t])
+        n, _, _ = gq_update(learner, n, phi, bar, signal, 0.64, 0.8, 0.8, sizes)

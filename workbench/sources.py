@@ -18,8 +18,7 @@ import importlib
 import inspect
 import re
 from collections.abc import Callable, Iterable
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as _version
+from importlib.metadata import PackageNotFoundError, version as _version
 from pathlib import Path
 from typing import Any
 

@@ -146,8 +146,8 @@ def test_continuous_speeds_reach_the_ends_of_the_levels():
         env.reset(seed=1)
         env.step(np.array([end, end], np.float32))
     levels = PLANAR.levels()[0]
-    assert slow.convoy.robots["left"][0, 1] == levels[0]
-    assert fast.convoy.robots["right"][0, 1] == levels[-1]
+    assert slow.convoy.robots["law"]["left"][0, 1] == levels[0]
+    assert fast.convoy.robots["law"]["right"][0, 1] == levels[-1]
 
 
 def test_a_reward_of_ones_own_is_what_is_earned():
@@ -275,9 +275,9 @@ def test_a_reward_that_fails_says_where_at_once_and_is_forgotten_at_a_reset():
     with pytest.raises(ValueError, match="reward 'sudden' is not finite at u = 0.[3-9]"):
         for _ in range(60):
             env.step(0)
-    assert env.convoy.robots["trouble"].any()
+    assert env.convoy.robots["failure"]["any"].any()
     env.reset()
-    assert not env.convoy.robots["trouble"].any()
+    assert not env.convoy.robots["failure"]["any"].any()
 
 
 def test_a_restart_of_the_simulation_is_not_for_environments():

@@ -50,8 +50,8 @@ def test_wheels_and_axles_do_what_geometry_says(name):
     with SimulatedRobot(config.with_seed(4)) as robot:
         robot.step()
         record = robot.convoy.robots[0, 1]
-        wheel = float(record["wheel"])
-        axle = float(record["axle"])
+        wheel = float(record["body"]["wheel"])
+        axle = float(record["body"]["axle"])
         assert abs(wheel - 1) > 0.01 and abs(axle - 1) > 0.01
         robot.set_motors_speed(200, 350)
         for _ in range(10):  # out of the first acceleration
@@ -171,7 +171,8 @@ def test_a_fleet_is_the_same_robots_whatever_the_seed_and_zero_those_of_the_run(
 
     def who(config, seed):
         robots = wb.Convoy(config, [seed], periods=1, threads=1).robots[0]
-        return [robots[name].copy() for name in ("gain", "offset", "bias", "wheel", "axle")]
+        kinds = {"infrared": ("gain", "offset", "bias"), "body": ("wheel", "axle")}
+        return [robots[part][name].copy() for part, names in kinds.items() for name in names]
 
     def lens(config, seed):
         return wb.Convoy(config, [seed], periods=1, threads=1)._lens.copy()
@@ -194,5 +195,5 @@ def test_a_robot_behind_the_api_belongs_to_the_fleet_too():
     for seed in (1, 2):
         with SimulatedRobot(config.with_seed(seed)) as robot:
             robot.calibrate_proximity_sensors()
-            readings.append(robot.convoy.robots[0, 1]["bias"].copy())
+            readings.append(robot.convoy.robots[0, 1]["infrared"]["bias"].copy())
     assert_array_equal(*readings)

@@ -6,27 +6,29 @@ import numpy as np
 import pytest
 from numba import njit
 
+from tests.learning.online_sarsa import TrueOnlineSarsa
 from workbench.formation import follower as module
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import EXPLORED, FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
+from workbench.formation.follower import EXPLORED, LEARNED, LOSS, RECOVERED
+from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reset import APPROACH, FOLLOW, TURN
 from workbench.learning.config import LearnerConfig
 from workbench.learning.gq import GQ, GreedyGQ
 from workbench.learning.kernel import new_trace
-from workbench.learning.sarsa import TrueOnlineSarsa
 
 
 @njit
-def _act(task, follower, step, weights, ids, values, distance, bearing, epsilon, u, room):
-    return module.act(
-        task[0], follower[0], step[0], weights, ids, values, distance, bearing, epsilon, u, room
-    )
+def _act(task, follower, step, memory, seen, explore):
+    follower[0].seen.distance, follower[0].seen.bearing = seen
+    learning = follower[0].learning
+    learning.epsilon, learning.chance, learning.room = explore
+    return module.act(task[0], follower[0], step[0], memory)
 
 
 @njit
-def _learn(task, follower, weights, ids, values):
-    return module.learn(task[0], follower[0], weights, ids, values)
+def _learn(task, follower, memory):
+    return module.learn(task[0], follower[0], memory)
 
 
 class _Robot:
@@ -40,10 +42,10 @@ class _Robot:
         )
         self.task = Convoy(self.config, [1], steps=1000).task
         pairs = self.config.rows * self.config.actions
-        self.follower = np.zeros(1, FOLLOWER)
-        self.step = np.zeros(1, STEP)
-        self.follower["state"] = -1
-        self.follower["learns"] = 1
+        self.follower = np.zeros(1, ROBOT)
+        self.step = np.zeros(1, PERIOD)
+        self.follower["choice"]["state"] = -1
+        self.follower["learning"]["learns"] = 1
         self.weights = np.zeros((2, pairs))
         self.weights[0] = self.config.learner.theta0 / tilings
         empty = new_trace(pairs)
@@ -51,13 +53,17 @@ class _Robot:
         self.values = np.stack([empty[1], empty[1]])
 
     def act(self, distance, bearing, epsilon=0.0, u=0.99, room=True):
-        arrays = self.task, self.follower, self.step, self.weights, self.ids, self.values
-        left, right, finite = _act(*arrays, float(distance), float(bearing), epsilon, u, room)
+        memory = module.Memory(self.weights, self.ids, self.values)
+        seen = (float(distance), float(bearing))
+        explore = (float(epsilon), float(u), int(room))
+        arrays = (self.task, self.follower, self.step, memory)
+        left, right, finite = _act(*arrays, seen, explore)
         assert finite
         return left, right
 
     def learn(self):
-        assert _learn(self.task, self.follower, self.weights, self.ids, self.values)
+        memory = module.Memory(self.weights, self.ids, self.values)
+        assert _learn(self.task, self.follower, memory)
 
 
 def _cells(config, distance, bearing):
@@ -106,9 +112,13 @@ def test_followers_and_the_public_class_learn_the_same_bits(buffer):
         if step["event"] & LEARNED:
             state = int(step["state"])
             action = int(step["action"])
-            following = None if step["event"] & LOSS else int(waiting["w_next"])
+            following = None if step["event"] & LOSS else int(waiting["waiting"]["next_state"])
             twin.update(
-                state, action, float(waiting["w_reward"]), following, rho=float(waiting["w_rho"])
+                state,
+                action,
+                float(waiting["waiting"]["reward"]),
+                following,
+                rho=float(waiting["waiting"]["rho"]),
             )
             learned += 1
             if following is None:
@@ -147,11 +157,11 @@ def test_with_several_tilings_followers_learn_the_bits_of_gq_on_lists_of_feature
                 bar = now + int(np.argmax(sum(twin.theta[start : start + 49] for start in now)))
             twin.learn(
                 (phi, np.ones(4)),
-                float(waiting["w_reward"]),
+                float(waiting["waiting"]["reward"]),
                 (bar, np.ones(bar.size)),
                 gamma=gamma,
                 lam=0.6,
-                rho=float(waiting["w_rho"]),
+                rho=float(waiting["waiting"]["rho"]),
             )
             learned += 1
             if step["event"] & LOSS:
@@ -188,7 +198,7 @@ def test_rival_rules_are_settings_of_the_kernel_bit_by_bit(rule, tilings):
         robot.learn()
         now = (
             np.array(_cells(config, distance, bearing)) * 49
-            if robot.follower["state"][0] >= 0
+            if robot.follower["choice"]["state"][0] >= 0
             else None
         )
         lost = bool(step["event"] & LOSS)
@@ -214,7 +224,7 @@ def test_rival_rules_are_settings_of_the_kernel_bit_by_bit(rule, tilings):
             phi = (before[0] + choice, np.ones(tilings))
             twin.learn(
                 phi,
-                float(robot.follower["w_reward"][0]),
+                float(robot.follower["waiting"]["reward"][0]),
                 (bar, values),
                 gamma=gamma,
                 lam=0.6,
@@ -227,7 +237,7 @@ def test_rival_rules_are_settings_of_the_kernel_bit_by_bit(rule, tilings):
         if now is not None:
             # the choice was made before learning: with the weights of then, which the robot's own
             # flag tells greedy or not
-            choice = int(robot.follower["action"][0])
+            choice = int(robot.follower["choice"]["action"][0])
             before = (now, choice if not step["event"] & EXPLORED else -1)
     assert learned > 150 and 0.3 < greedy_steps / learned < 0.95
     np.testing.assert_array_equal(robot.weights[0], twin.theta)
@@ -248,9 +258,15 @@ def test_followers_and_true_online_sarsa_learn_the_same_bits():
         robot.learn()
         if step["event"] & LEARNED:
             over = bool(step["event"] & LOSS)
-            following = (None, None) if over else (int(waiting["state"]), int(waiting["action"]))
+            following = (None, None)
+            if not over:
+                now = waiting["choice"]
+                following = (int(now["state"]), int(now["action"]))
             twin.update(
-                int(step["state"]), int(step["action"]), float(waiting["w_reward"]), *following
+                int(step["state"]),
+                int(step["action"]),
+                float(waiting["waiting"]["reward"]),
+                *following,
             )
             learned += 1
             if over:
@@ -262,7 +278,7 @@ def test_followers_and_true_online_sarsa_learn_the_same_bits():
 def test_random_actions_are_marked_and_greedy_ones_are_not():
     robot = _Robot(epsilon=0.5, gamma=0.5)
     robot.act(0.15, 0.0, epsilon=0.5, u=0.25)  # explores: action 24 of 49
-    assert robot.step["event"][0] & EXPLORED and robot.follower["action"][0] == 24
+    assert robot.step["event"][0] & EXPLORED and robot.follower["choice"]["action"][0] == 24
     robot.act(
         0.15, 0.0, epsilon=0.5, u=0.0
     )  # explores too, but hits the greedy action, the lowest on ties
@@ -277,9 +293,9 @@ def _spoil(buffer):
     """
     robot = _Robot(buffer=buffer, theta0=0.0)
     robot.act(0.15, 0.0)
-    first = int(robot.follower["action"][0])
+    first = int(robot.follower["choice"]["action"][0])
     robot.act(0.151, 0.01)  # same tile; the reward just now was negative
-    return robot, first, int(robot.follower["action"][0])
+    return robot, first, int(robot.follower["choice"]["action"][0])
 
 
 def test_with_the_buffer_action_t_plus_1_uses_weights_without_transition_t():
@@ -300,7 +316,7 @@ def test_buffered_and_immediate_updates_of_a_fixed_stream_are_bit_identical():
         robot = _Robot(buffer=buffer, epsilon=0.1, gamma=0.5)
         for distance, bearing, u in _walk(400, seed=3):
             robot.act(distance, bearing, epsilon=1.0, u=u)
-            robot.follower["rho"] = 0.9
+            robot.follower["choice"]["rho"] = 0.9
             robot.learn()
         results.append(robot.weights.copy())
     assert np.count_nonzero(results[0][1]) > 100
@@ -310,12 +326,12 @@ def test_buffered_and_immediate_updates_of_a_fixed_stream_are_bit_identical():
 def test_rho_is_frozen_at_the_choice_even_if_the_table_changes_afterwards():
     robot = _Robot(epsilon=0.1)
     robot.act(0.15, 0.0, epsilon=0.1, u=0.5 * 0.1)  # explores: action 24 of 49
-    assert robot.follower["action"][0] == 24 and robot.follower["rho"][0] == 0.0
+    assert robot.follower["choice"]["action"][0] == 24 and robot.follower["choice"]["rho"][0] == 0.0
     robot.weights[0, 40 * 49 + 24] = 5.0  # another follower writes: the action is greedy now
     robot.act(0.15, 0.0, epsilon=0.1, u=0.9)
-    assert robot.follower["w_rho"][0] == 0.0
+    assert robot.follower["waiting"]["rho"][0] == 0.0
     robot.act(0.15, 0.0, epsilon=0.1, u=0.9)
-    assert robot.follower["w_rho"][0] == pytest.approx(1 / (1 - 0.1 + 0.1 / 49))
+    assert robot.follower["waiting"]["rho"][0] == pytest.approx(1 / (1 - 0.1 + 0.1 / 49))
 
 
 def test_a_terminal_is_learned_once_with_no_discount_and_the_trace_is_cleared():
@@ -325,19 +341,22 @@ def test_a_terminal_is_learned_once_with_no_discount_and_the_trace_is_cleared():
     robot.learn()
     robot.act(0.30, 0.0)
     assert robot.step["event"][0] & LOSS and robot.step["phase"][0] in (TURN, APPROACH)
-    assert robot.follower["w_next"][0] == -1 and robot.follower["w_reward"][0] == pytest.approx(
-        -2 / (1 - 0.8)
-    )
-    pair = int(robot.follower["w_state"][0]) * 49 + int(robot.follower["w_action"][0])
+    assert robot.follower["waiting"]["next_state"][0] == -1 and robot.follower["waiting"]["reward"][
+        0
+    ] == pytest.approx(-2 / (1 - 0.8))
+    waiting = robot.follower["waiting"][0]
+    pair = int(waiting["cells"][0]) + int(waiting["action"])
     before = robot.weights[0, pair]
     assert robot.ids[1, pair] >= 0  # the pair is in the trace
     robot.learn()
-    assert robot.follower["delta"][0] == pytest.approx(-10 - before)  # γ = 0: δ = R - θφ
+    assert robot.follower["learning"]["delta"][0] == pytest.approx(
+        -10 - before
+    )  # γ = 0: δ = R - θφ
     assert robot.weights[0, pair] < before
     after = robot.weights.copy()
     robot.learn()
     np.testing.assert_array_equal(robot.weights, after)
-    assert robot.follower["trace"][0] == 0 and np.all(robot.ids[1] == -1)
+    assert robot.follower["learning"]["trace"][0] == 0 and np.all(robot.ids[1] == -1)
 
 
 @pytest.mark.parametrize("buffer", [True, False])
@@ -364,19 +383,19 @@ def test_nothing_is_learned_or_counted_during_a_reset():
     assert robot.step["event"][0] & RECOVERED and robot.step["phase"][0] == FOLLOW
     robot.act(0.16, 0.0)
     robot.learn()
-    assert robot.follower["trace"][0] == 1  # the trace began anew
+    assert robot.follower["learning"]["trace"][0] == 1  # the trace began anew
 
 
 def test_a_used_up_budget_stops_learning_and_counting():
     robot = _Robot()
     robot.act(0.15, 0.0)
     robot.act(0.15, 0.0, room=False)
-    assert robot.step["state"][0] == -1 and robot.follower["waiting"][0] == 0
+    assert robot.step["state"][0] == -1 and robot.follower["waiting"]["any"][0] == 0
 
 
 def test_an_exploiting_follower_learns_nothing():
     robot = _Robot()
-    robot.follower["learns"] = 0
+    robot.follower["learning"]["learns"] = 0
     robot.weights[0] = np.random.default_rng(0).normal(size=robot.weights.shape[1])
     weights = robot.weights.copy()
     for distance, bearing, u in _walk(100):
@@ -390,7 +409,7 @@ def test_learning_that_diverges_is_reported():
     robot.act(0.15, 0.0)
     robot.act(0.15, 0.0)
     robot.weights[0, 40 * 49 : 41 * 49] = 1.7e308
-    robot.weights[
-        0, 40 * 49 + int(robot.follower["w_action"][0])
-    ] = -1.7e308  # δ = γ 1.7e308 + 1.7e308 overflows
-    assert not _learn(robot.task, robot.follower, robot.weights, robot.ids, robot.values)
+    # δ = γ 1.7e308 + 1.7e308 overflows
+    robot.weights[0, 40 * 49 + int(robot.follower["waiting"]["action"][0])] = -1.7e308
+    memory = module.Memory(robot.weights, robot.ids, robot.values)
+    assert not _learn(robot.task, robot.follower, memory)

@@ -12,10 +12,9 @@ import pytest
 from numba import njit
 
 from workbench.arena.tracks import TrackConfig
-from workbench.formation import follower as module
 from workbench.formation.config import INFRARED, SENSING, SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import FOLLOWER, LOSS, RECOVERED, STEP
+from workbench.formation.follower import LOSS, RECOVERED, Memory, act
 from workbench.formation.laws import (
     LAWS,
     CarrotPI,
@@ -26,13 +25,13 @@ from workbench.formation.laws import (
     controller_from_arrays,
     quantised_carrot,
 )
+from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reset import FOLLOW
 from workbench.formation.steering import l_psi, leader_frame, pursuit_turn
 from workbench.lab.runs import evaluate, evaluate_seeds, load_run
 from workbench.learning.kernel import new_trace
 from workbench.measures.motion import follow
-from workbench.robot.geometry import STEP as STEP_M
-from workbench.robot.geometry import TRACK
+from workbench.robot.geometry import STEP as STEP_M, TRACK
 from workbench.robot.motors import twist
 
 ORACLE = json.loads((Path(__file__).parents[1] / "data" / "smoothness.json").read_text())[
@@ -124,10 +123,10 @@ def test_leader_frame_control_makes_both_errors_decay_at_their_rates():
 
 
 @njit
-def _act(task, follower, step, weights, ids, values, distance, bearing):
-    return module.act(
-        task[0], follower[0], step[0], weights, ids, values, distance, bearing, 0.0, 0.5, True
-    )
+def _act(task, follower, step, memory, distance, bearing):
+    follower[0].seen.distance = distance
+    follower[0].seen.bearing = bearing
+    return act(task[0], follower[0], step[0], memory)
 
 
 class _Driven:
@@ -136,11 +135,11 @@ class _Driven:
     def __init__(self, law, **changes):
         self.config = ConvoyConfig(followers=1, drive="planar", **changes)
         self.task = Convoy(self.config, [1], periods=1, law=law).task
-        self.follower = np.zeros(1, FOLLOWER)
-        self.step = np.zeros(1, STEP)
-        self.follower["state"] = -1
+        self.follower = np.zeros(1, ROBOT)
+        self.step = np.zeros(1, PERIOD)
+        self.follower["choice"]["state"] = -1
         empty = new_trace(self.config.rows * self.config.actions)
-        self.arrays = (
+        self.memory = Memory(
             np.zeros((2, empty[1].size)),
             np.stack([empty[0], empty[2], empty[0]]),
             np.stack([empty[1], empty[1]]),
@@ -148,7 +147,7 @@ class _Driven:
 
     def act(self, distance, bearing):
         left, right, _ = _act(
-            self.task, self.follower, self.step, *self.arrays, float(distance), float(bearing)
+            self.task, self.follower, self.step, self.memory, float(distance), float(bearing)
         )
         return left, right
 
@@ -182,24 +181,24 @@ def test_the_integral_waits_where_the_range_ends():
     robot = _Driven(CarrotPI())
     for _ in range(50):
         robot.act(0.2199, 0.0)
-    assert robot.follower["integral"][0] == 0.0
+    assert robot.follower["law"]["integral"][0] == 0.0
     for _ in range(50):
         robot.act(0.16, 0.0)
-    assert robot.follower["integral"][0] > 0.04
+    assert robot.follower["law"]["integral"][0] > 0.04
 
 
 def test_an_episode_begins_with_an_empty_memory():
     robot = _Driven(PathReconstruction())
     for _ in range(30):
         robot.act(0.16, 0.0)
-    assert robot.follower["crumbs"][0] == 30 and robot.follower["integral"][0] > 0
+    assert robot.follower["law"]["crumbs"][0] == 30 and robot.follower["law"]["integral"][0] > 0
     robot.act(0.3, 0.0)
     assert robot.step["event"][0] & LOSS and robot.step["phase"][0] != FOLLOW
     robot.act(0.16, 0.0)
     assert robot.step["event"][0] & RECOVERED
-    assert robot.follower["crumbs"][0] == 1 and robot.follower["integral"][0] == pytest.approx(
-        0.001
-    )
+    assert robot.follower["law"]["crumbs"][0] == 1 and robot.follower["law"]["integral"][
+        0
+    ] == pytest.approx(0.001)
 
 
 def test_breadcrumbs_lie_where_the_predecessor_was():
@@ -211,7 +210,7 @@ def test_breadcrumbs_lie_where_the_predecessor_was():
         left, right = robot.act(0.2 - x, 0.0)
         assert left == right
         x += twist(10_000 / (10_000 // left), 10_000 / (10_000 // right))[0] * 0.1
-    trail = robot.follower["trail"][0][:12]
+    trail = robot.follower["law"]["trail"][0][:12]
     np.testing.assert_allclose(trail, np.tile([0.2, 0.0], (12, 1)), atol=1e-9)
 
 
@@ -417,6 +416,6 @@ def test_a_restart_voids_what_was_measured_of_the_predecessor():
         block = convoy.run_block()[0]
         lost += np.count_nonzero(block["event"] & LOSS)
         assert (
-            np.abs(convoy.robots["speed"]).max() < 0.15
+            np.abs(convoy.robots["motion"]["speed"]).max() < 0.15
         )  # a jump back to the start would be read as metres per second
     assert lost > 3

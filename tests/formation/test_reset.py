@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.follower import FOLLOWER
+from workbench.formation.records import ROBOT
 from workbench.formation.reset import (
     APPROACH,
     BACK_OFF,
@@ -30,14 +30,14 @@ SIGHT = 2.0
 
 
 def _follower(phase=FOLLOW, timer=0):
-    follower = np.zeros(1, FOLLOWER)
-    follower["phase"] = phase
-    follower["timer"] = timer
+    follower = np.zeros(1, ROBOT)
+    follower["reset"]["phase"] = phase
+    follower["reset"]["timer"] = timer
     return follower
 
 
 TASK = fill_task(ConvoyConfig(), 0)
-SEARCH_PERIODS = int(TASK["search_periods"][0])
+SEARCH_PERIODS = int(TASK["search"]["periods"][0])
 
 
 @njit
@@ -52,20 +52,20 @@ def _begin(follower, distance):
 
 def _move(follower, distance, bearing, sight=SIGHT):
     task = TASK.copy()
-    task["sight"] = sight
+    task["bounds"]["sight"] = sight
     return _manoeuvre(task, follower, float(distance), float(bearing))
 
 
 def _phase(follower):
-    return int(follower["phase"][0])
+    return int(follower["reset"]["phase"][0])
 
 
 @pytest.mark.parametrize(("distance", "phase"), [(0.079, BACK_OFF), (0.23, TURN), (0.15, TURN)])
 def test_a_terminal_starts_the_fitting_phase(distance, phase):
     follower = _follower()
-    follower["timer"] = 17
+    follower["reset"]["timer"] = 17
     _begin(follower, distance)
-    assert _phase(follower) == phase and follower["timer"][0] == 0
+    assert _phase(follower) == phase and follower["reset"]["timer"][0] == 0
 
 
 def test_too_near_backs_off_straight_and_forward_where_the_robot_is_behind():

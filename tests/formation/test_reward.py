@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.reward import PRESETS, step_reward, terminal_reward, worst_step_reward

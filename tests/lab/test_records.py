@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.follower import LOSS, STEP
+from workbench.formation.follower import LOSS
+from workbench.formation.records import PERIOD
 from workbench.formation.reset import LOST, TURN
 from workbench.lab.records import SUMS, Recorder, sampled_blocks, summarise
 from workbench.lab.statistics import (
@@ -66,7 +67,7 @@ def test_moments_by_hand():
 
 
 def _block(length, **fields):
-    block = np.zeros((length, 2), STEP)
+    block = np.zeros((length, 2), PERIOD)
     block["state"] = -1
     for name, values in fields.items():
         block[name][:, 1] = values
@@ -139,7 +140,7 @@ def test_sampled_blocks_are_the_stated_ones_and_survive_saving_and_loading():
 
 def _row(*places):
     """One period with robots at these x (m)."""
-    block = np.zeros((1, len(places)), STEP)
+    block = np.zeros((1, len(places)), PERIOD)
     block["x"] = places
     return block
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.lab.storage import read_npz, write_npz
-from workbench.learning.gq import GQ, GreedyGQ, UpdateBuffer
+from workbench.learning.gq import GQ, GreedyGQ
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -226,39 +226,3 @@ def test_a_state_of_another_learner_is_refused_and_changes_nothing():
     with pytest.raises(ValueError, match="state lacks"):
         learner.load({"theta": before})
     np.testing.assert_array_equal(learner.theta, before)
-
-
-def test_buffer_on_a_fixed_stream_gives_bit_identical_weights():
-    stream = _stream(500, seed=2)
-    immediate = _play(_learner(), stream)
-    learner = _learner()
-    with UpdateBuffer(learner) as buffer:
-        buffer.begin_episode()
-        for s, a, r, s_next, rho in stream:
-            buffer.push(s, a, r, s_next, rho=rho)
-            if s_next is None:
-                buffer.flush()  # the extra cycle after a terminal
-                buffer.begin_episode()
-    np.testing.assert_array_equal(learner.theta, immediate.theta)
-    np.testing.assert_array_equal(learner.w, immediate.w)
-    assert learner.steps == immediate.steps == 500
-
-
-def test_with_the_buffer_the_next_action_uses_weights_without_the_last_transition():
-    learner = GreedyGQ(1, 2, alpha=0.5, beta=0.0, gamma=0.0, lam=0.0)
-    buffer = UpdateBuffer(learner)
-    buffer.push(0, 0, -1.0, 0, rho=1.0)  # action 0 was bad
-    assert learner.greedy(0) == 0  # but that is not known yet when the next action is chosen
-    assert buffer.flush() and learner.greedy(0) == 1
-
-
-def test_a_terminal_is_learned_exactly_once_and_nothing_is_lost_on_stop():
-    learner = GreedyGQ(1, 1, alpha=0.5, beta=0.0, gamma=0.0, lam=0.0)
-    with UpdateBuffer(learner) as buffer:
-        buffer.push(0, 0, 1.0, None, rho=1.0)
-        assert buffer.flush() is True
-        assert buffer.flush() is False
-        assert learner.theta[0, 0] == 0.5
-        buffer.begin_episode()
-        buffer.push(0, 0, 1.0, 0, rho=1.0)
-    assert learner.steps == 2 and learner.theta[0, 0] == 0.75

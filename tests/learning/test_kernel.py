@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.learning.gq import GQ
-from workbench.learning.kernel import gq_update, new_trace
+from workbench.learning.kernel import Features, Learner, Signal, StepSizes, gq_update, new_trace
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -32,24 +32,15 @@ def test_kernel_equals_the_oracle_after_every_step(name):
             n = 0
             decay = 0.0
         n, delta, _ = gq_update(
-            theta,
-            w,
-            index,
-            value,
-            slot,
+            Learner(theta, w, index, value, slot),
             n,
-            *_lists(step["phi"]),
-            *_lists(step["phi_bar"]),
-            step["r"],
-            step["z"],
-            1.0,
-            step["rho"],
+            Features(*_lists(step["phi"])),
+            Features(*_lists(step["phi_bar"])),
+            Signal(step["r"], step["z"], 1.0, step["rho"]),
             decay,
             step["gamma"],
             step["lambda"],
-            oracle["alpha"],
-            oracle["beta"],
-            0.0,
+            StepSizes(oracle["alpha"], oracle["beta"], 0.0, 0.0),
         )
         decay = step["gamma"] * step["lambda"]
         dense = np.zeros(oracle["n"])
@@ -213,7 +204,11 @@ def test_baird_star_q_learning_diverges_and_greedy_gq_does_not():
         learner = GQ(15, alpha, beta=beta)
         learner.theta[:] = 1.0
         learner.theta[7] = 10.0
-        q = lambda s, a: float(np.dot(learner.theta[features(s, a)[0]], features(s, a)[1]))  # noqa: E731
+
+        def q(s, a):
+            index, value = features(s, a)
+            return float(np.dot(learner.theta[index], value))
+
         state = 0
         for _ in range(steps):
             solid = rng.random() < 1 / 7

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.learning.online_sarsa import TrueOnlineSarsa
 from workbench.learning.gq import GQ, GreedyGQ
-from workbench.learning.kernel import new_trace
-from workbench.learning.sarsa import TrueOnlineSarsa, sarsa_update
+from workbench.learning.kernel import Features, Learner, StepSizes, new_trace
+from workbench.learning.sarsa import sarsa_update
 
 FEATURES = 8
 
@@ -172,20 +173,15 @@ def test_true_online_sarsa_equals_the_online_lambda_return_algorithm(lam):
     for x, reward, following, gamma in steps:
         ahead = (everything, following) if gamma else (np.zeros(0, np.int64), np.zeros(0))
         n, _, q_old = sarsa_update(
-            theta,
-            index,
-            value,
-            slot,
+            Learner(theta, theta, index, value, slot),
             n,
-            everything,
-            x,
-            *ahead,
+            Features(everything, x),
+            Features(*ahead),
             reward,
             decay,
             gamma,
-            0.1,
             q_old,
-            0.0,
+            StepSizes(0.1, 0.0, 0.0, 0.0),
         )
         decay = gamma * lam
     np.testing.assert_allclose(theta, expected, rtol=0, atol=1e-12)
@@ -228,60 +224,6 @@ def test_true_online_sarsa_learns_the_random_walk():
     np.testing.assert_allclose(learner.theta.mean(axis=1), np.arange(1, 6) / 6, atol=0.05)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: TrueOnlineSarsa(0, 2, alpha=0.1, gamma=0.9, lam=0.5), "states = 0"),
-        (
-            lambda: TrueOnlineSarsa(2, 2, alpha=0.0, gamma=0.9, lam=0.5),
-            "alpha = 0.0; expected a finite number above 0",
-        ),
-        (lambda: TrueOnlineSarsa(2, 2, alpha=0.1, gamma=1.9, lam=0.5), "gamma = 1.9"),
-        (
-            lambda: TrueOnlineSarsa(2, 2, alpha=0.1, gamma=0.9, lam=0.5, cutoff=float("nan")),
-            "cutoff = nan",
-        ),
-        (
-            lambda: TrueOnlineSarsa(2, 2, alpha=0.1, gamma=0.9, lam=0.5, theta0=float("inf")),
-            "theta0 = inf",
-        ),
-        (
-            lambda: _sarsa().update(2, 0, 0.0, 0, 0),
-            "state 2, action 0; expected states from 0 to 1",
-        ),
-        (lambda: _sarsa().update(0, 0, float("nan"), 0, 0), "reward = nan"),
-        (lambda: _sarsa().update(0, 0, 0.0, 1, None), "s_next = 1, a_next = None; give both"),
-        (lambda: _sarsa().act(0, np.random.default_rng(0), epsilon=2.0), "epsilon = 2.0"),
-        (
-            lambda: GreedyGQ(2, 2, alpha=0.1, beta=0.1, gamma=0.9, lam=0.5, kappa=-1.0),
-            "kappa = -1.0",
-        ),
-    ],
-)
-def test_bad_input_is_refused_with_the_value(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
-def _sarsa():
-    return TrueOnlineSarsa(2, 2, alpha=0.1, gamma=0.9, lam=0.5)
-
-
-def test_true_online_sarsa_that_diverges_is_reported():
-    learner = TrueOnlineSarsa(1, 1, alpha=1e200, gamma=0.9, lam=0.9)
-    with pytest.raises(FloatingPointError, match="diverged at update"), np.errstate(all="ignore"):
-        for _ in range(10):
-            learner.update(0, 0, 1.0, 0, 0)
-
-
-def test_acting_is_epsilon_greedy_and_the_trace_can_be_seen():
-    learner = _sarsa()
-    learner.theta[0] = [0.0, 1.0]
-    rng = np.random.default_rng(0)
-    assert np.mean([learner.act(0, rng, epsilon=0.2) for _ in range(2000)]) == pytest.approx(
-        0.9, abs=0.03
-    )
-    learner.update(0, 1, 0.0, 1, 0)
-    assert learner.trace().tolist() == [[0.0, 1.0], [0.0, 0.0]]
-    learner.begin_episode()
-    assert not learner.trace().any()
+def test_bad_input_is_refused_with_the_value():
+    with pytest.raises(ValueError, match="kappa = -1.0"):
+        GreedyGQ(2, 2, alpha=0.1, beta=0.1, gamma=0.9, lam=0.5, kappa=-1.0)

@@ -94,7 +94,7 @@ def test_c_drives_as_the_compiled_follower_does(tmp_path):
             readings[7] = left
             readings[0] = right
             commands = follower.decide(readings)
-            if follower.record["phase"] == 0:
+            if follower.record["reset"]["phase"] == 0:
                 followed += 1
                 assert commands == speeds(left, right)
     assert followed > 100

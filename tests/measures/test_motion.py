@@ -11,15 +11,15 @@ import pytest
 
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import EXPLORED, STEP
+from workbench.formation.follower import EXPLORED
 from workbench.formation.laws import CarrotPI, quantised_carrot
 from workbench.formation.places import track_of
+from workbench.formation.records import PERIOD
 from workbench.formation.reset import FOLLOW, TURN
 from workbench.lab.runs import evaluate
 from workbench.measures.motion import Motion, as_motion, chatter, drive, follow
 from workbench.measures.smoothness import ldlj_vector
-from workbench.robot.geometry import BODY_RADIUS
-from workbench.robot.geometry import STEP as STEP_M
+from workbench.robot.geometry import BODY_RADIUS, STEP as STEP_M
 
 PLANAR = ConvoyConfig(followers=2, drive="planar", seed=2)
 
@@ -28,7 +28,7 @@ def _straight(commands, *, phase=FOLLOW, explored=()):
     """Step records of a leader and one follower that drive straight at 60 mm/s; the follower's
     commands are given.
     """
-    steps = np.zeros((len(commands), 2), STEP)
+    steps = np.zeros((len(commands), 2), PERIOD)
     steps["x"] = 0.006 * np.arange(len(commands))[:, None] + [0.15, 0.0]
     steps["left"][:, 1] = steps["right"][:, 1] = commands
     steps["phase"] = FOLLOW
@@ -111,7 +111,7 @@ def test_true_errors_and_gaps_by_hand():
     np.testing.assert_allclose(bearing, -0.2, atol=1e-6)
     np.testing.assert_allclose(motion.gaps_m(), 0.15 - 2 * BODY_RADIUS, atol=1e-6)
     assert motion.gaps_m().shape == (5, 1) and Motion.of_steps(
-        np.zeros((3, 5), STEP)
+        np.zeros((3, 5), PERIOD)
     ).gaps_m().shape == (3, 10)
 
 

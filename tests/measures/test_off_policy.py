@@ -128,7 +128,7 @@ def test_perception_of_a_log_is_the_followers_own(sensing):
             robot.step()
             robot.set_motors_speed(*follower.decide(robot.get_proximity()))
             readings.append(robot.get_proximity())
-            seen.append((int(follower.record["state"]), float(follower.step["reward"])))
+            seen.append((int(follower.record["choice"]["state"]), float(follower.step["reward"])))
             follower.learn()
     states, rewards = perceive(config, np.array(readings))
     kept = [t for t in range(1, 600) if seen[t][0] >= 0 and seen[t - 1][0] >= 0]

@@ -15,8 +15,7 @@ import pytest
 from workbench import paths
 from workbench.formation.config import ConvoyConfig
 from workbench.lab.runs import learn
-from workbench.plots import figures
-from workbench.plots import runs as plots
+from workbench.plots import figures, runs as plots
 from workbench.plots.style import style
 from workbench.publishing import regenerate
 

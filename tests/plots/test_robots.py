@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 
 from workbench.formation.config import SETTINGS
-from workbench.plots import diagrams
-from workbench.plots import robots as robot_plots
+from workbench.plots import diagrams, robots as robot_plots
 
 
 def test_motor_speeds_are_drawn_relative_to_the_command_with_the_levels_marked():

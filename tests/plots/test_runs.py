@@ -11,8 +11,7 @@ from workbench.formation.places import still_world
 from workbench.formation.policy import Policy
 from workbench.formation.senses.truth import observe
 from workbench.lab.runs import learn
-from workbench.plots import diagrams
-from workbench.plots import runs as plots
+from workbench.plots import diagrams, runs as plots
 from workbench.studies.sideways import losses_before, per_block, smoothed
 
 CONFIG = ConvoyConfig(drive="planar")

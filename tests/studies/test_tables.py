@@ -17,7 +17,8 @@ from workbench.arena.tracks import TrackConfig, make_track
 from workbench.formation.body import BodyConfig
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import BLOCK
-from workbench.formation.follower import RECOVERED, STEP
+from workbench.formation.follower import RECOVERED
+from workbench.formation.records import PERIOD
 from workbench.lab import trial as module
 from workbench.lab.records import SUMS
 from workbench.lab.runs import evaluate, learn
@@ -202,11 +203,11 @@ def test_the_first_lossfree_block_is_a_whole_one_without_any_loss():
 @pytest.mark.parametrize("shape", ["circle", "eight"])
 def test_sections_count_quarters_of_the_loop_from_each_robots_own_start(shape):
     track = make_track(TrackConfig(shape=shape, judder="none"), np.random.default_rng(0))
-    block = np.zeros((40, 3), STEP)
+    block = np.zeros((40, 3), PERIOD)
     for period in range(40):
         for robot, start in enumerate((1.0, 0.85, 0.7)):
             x, y, heading = track.pose(start + (period / 40 + 1e-3 * (period > 0)) * track.length_m)
-            block[period, robot] = np.zeros((), STEP)
+            block[period, robot] = np.zeros((), PERIOD)
             block[period, robot]["x"] = x
             block[period, robot]["y"] = y
             block[period, robot]["heading"] = heading
@@ -217,11 +218,11 @@ def test_sections_count_quarters_of_the_loop_from_each_robots_own_start(shape):
 
 
 def test_reset_durations_count_on_from_block_to_block():
-    at = np.zeros((6, 1), STEP)
+    at = np.zeros((6, 1), PERIOD)
     at["phase"][2:, 0] = 2  # lost at period 2, still away at the end
     away = np.zeros(1, np.int64)
     assert module._durations(at, away) == [] and away.tolist() == [4]
-    following = np.zeros((6, 1), STEP)
+    following = np.zeros((6, 1), PERIOD)
     following["phase"][:3, 0] = 3
     following["event"][3, 0] = RECOVERED
     assert module._durations(following, away) == [7] and away.tolist() == [0]

@@ -7,7 +7,8 @@ import pytest
 
 import workbench as wb
 from workbench.formation.body import BodyConfig
-from workbench.formation.follower import LEARNED, LOSS, STEP
+from workbench.formation.follower import LEARNED, LOSS
+from workbench.formation.records import PERIOD
 from workbench.lab.trial import Trial
 from workbench.studies import transfer_trials
 from workbench.studies.realities import FAMILIES, emulated_world
@@ -109,7 +110,7 @@ def test_nothing_that_was_learned_on_judges_and_the_nominal_robots_stay_the_same
 
 
 def test_settling_begins_after_the_last_loss_before_a_long_quiet():
-    steps = np.zeros((6000, 2), STEP)
+    steps = np.zeros((6000, 2), PERIOD)
     steps["event"][:, 1] = LEARNED
     steps["event"][[100, 1500, 3400], 1] |= LOSS
     assert transfer_trials._quiet_from(steps) == 3401

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from workbench import paths
 from workbench.formation.laws import CarrotPI
 from workbench.learning.config import LearnerConfig
 from workbench.logs.recordings import load_recording
@@ -272,7 +273,7 @@ def test_pictures_of_scenes_have_every_robot_and_the_time():
     ],
 )
 def test_what_cannot_be_shown_is_refused(call, error, message, monkeypatch):
-    monkeypatch.chdir(wb.doors.show.paths.ROOT)
+    monkeypatch.chdir(paths.ROOT)
     with pytest.raises(error, match=message):
         call()
 

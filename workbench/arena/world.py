@@ -35,7 +35,16 @@ from workbench.robot.motors import wheel_speed
 
 # what commands become: whether wheels turn, rad (wheels) or m (planar) per step, steps/s at most,
 # the timer's ticks per second
-MOTORS = np.dtype([("wheels", "i8"), ("per_step", "f8"), ("most", "i8"), ("ticks", "i8")])
+MOTORS = np.dtype(
+    [
+        ("wheels", "i8"),
+        ("per_step", "f8"),
+        ("most", "i8"),
+        ("ticks", "i8"),
+        ("step_m", "f8"),
+        ("track_m", "f8"),
+    ]
+)
 
 
 def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
@@ -47,6 +56,8 @@ def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
         "per_step": per_step,
         "most": robot.most_steps,
         "ticks": robot.timer_hz,
+        "step_m": robot.step_m,
+        "track_m": robot.track_m,
     }
 
 
@@ -75,7 +86,7 @@ def write_command(ctrl: Any, motors: Any, robot: int, left: int, right: int) -> 
     firmware's quantisation.
 
     ``motors`` has ``wheels``, ``per_step`` (rad on wheels, m planar), ``most`` and ``ticks``: a
-    record of type MOTORS or TASK.
+    record of type MOTORS.
     """
     k = 2 * robot if motors.wheels else 3 * robot
     ctrl[k] = wheel_speed(left, motors.most, motors.ticks) * motors.per_step

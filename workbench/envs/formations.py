@@ -146,13 +146,12 @@ class Formations:
                     self._line_up(b)
             for b in waiting.tolist():
                 convoy.begin_again(b, forget=attempt % 10 == 0)
-                convoy.robots["queue"][b] = convoy.robots["ran_left"][b] = convoy.robots[
-                    "ran_right"
-                ][b] = 0
-                convoy.robots["trouble"][b] = 0
+                convoy.robots["body"]["queue"][b] = 0
+                convoy.robots["command"][b] = (0, 0)
+                convoy.robots["failure"]["any"][b] = 0
             self._only(waiting)
             self.sense()
-            waiting = waiting[np.any(convoy.robots["state"][waiting, 1:] < 0, axis=1)]
+            waiting = waiting[np.any(convoy.robots["choice"]["state"][waiting, 1:] < 0, axis=1)]
             if not len(waiting):
                 self._only(None)
                 return
@@ -265,10 +264,10 @@ class Formations:
         """Return what the followers see, (B, followers) or (B, followers, n)."""
         robots = self.convoy.robots[:, 1:]
         if self.observation == "tiles":
-            state = robots["state"]
+            state = robots["choice"]["state"]
             return np.where(state < 0, self.states, state)
         if self.observation == "infrared":
-            return robots["prox"].astype(np.float32)
-        u = (robots["seen_distance"] - self.config.middle_m) / self.config.half_range_m
-        v = robots["seen_bearing"] / self.config.bearing_limit_rad
+            return robots["infrared"]["readings"].astype(np.float32)
+        u = (robots["seen"]["distance"] - self.config.middle_m) / self.config.half_range_m
+        v = robots["seen"]["bearing"] / self.config.bearing_limit_rad
         return np.clip(np.stack([u, v], axis=-1), -CLIP, CLIP).astype(np.float32)

@@ -22,6 +22,12 @@ from workbench.compiled import compiled
 from workbench.fields import configuration, integer, real
 
 LONGEST_DELAY = 3  # control periods
+BODY = np.dtype(  # against the nominal ones; commands on their way, steps/s, the newest first
+    [("wheel", "f8"), ("axle", "f8"), ("queue", "i8", (LONGEST_DELAY, 2))]
+)
+BODY_TASK = np.dtype(  # whether anything is not nominal; share; control periods; share
+    [("any", "i8"), ("slip", "f8"), ("delay", "i8"), ("silence", "f8")]
+)
 
 
 @configuration
@@ -81,14 +87,20 @@ def drive_body(
         z_left, z_right: standard normal numbers of this period's slip.
     """
     if i > 0:
-        for k in range(task.command_delay):
-            robot.queue[k, 0], left = left, robot.queue[k, 0]
-            robot.queue[k, 1], right = right, robot.queue[k, 1]
-    write_command(ctrl, task, i, left, right)
-    k = 2 * i if task.wheels else 3 * i
+        for k in range(task.body.delay):
+            robot.body.queue[k, 0], left = left, robot.body.queue[k, 0]
+            robot.body.queue[k, 1], right = right, robot.body.queue[k, 1]
+    write_command(ctrl, task.motors, i, left, right)
+    k = 2 * i if task.motors.wheels else 3 * i
     mean = (ctrl[k] + ctrl[k + 1]) / 2
     half = (ctrl[k + 1] - ctrl[k]) / 2
-    ctrl[k] = robot.wheel * (mean - half / robot.axle) * (1.0 - min(task.slip * abs(z_left), 1.0))
+    ctrl[k] = (
+        robot.body.wheel
+        * (mean - half / robot.body.axle)
+        * (1.0 - min(task.body.slip * abs(z_left), 1.0))
+    )
     ctrl[k + 1] = (
-        robot.wheel * (mean + half / robot.axle) * (1.0 - min(task.slip * abs(z_right), 1.0))
+        robot.body.wheel
+        * (mean + half / robot.body.axle)
+        * (1.0 - min(task.body.slip * abs(z_right), 1.0))
     )

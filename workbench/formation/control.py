@@ -9,15 +9,13 @@ only where a flag says so.
 """
 
 import math
-from typing import Any
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
 from workbench.formation.body import drive_body
-from workbench.formation.follower import LEARNED, LOSS, act, learn
+from workbench.formation.follower import LEARNED, LOSS, Memory, act, learn
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.camera import camera_pose, observe_tracked
@@ -27,18 +25,6 @@ from workbench.formation.steering import OUTSIDE, wrap
 from workbench.learning.behaviour import epsilon_at
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import ground_reading
-from workbench.robot.infrared import SENSORS
-
-FORMATION = np.dtype(
-    [
-        ("updates", "i8"),
-        ("budget", "i8"),
-        ("periods", "i8"),
-        ("last_period", "i8"),
-        ("done", "i8"),
-        ("restart", "i8"),
-    ]
-)
 
 # bits of what control_step returns
 RESTART = 1
@@ -46,163 +32,108 @@ DIVERGED = 2
 FINISHED = 4
 
 
+class Arrays(NamedTuple):
+    """Everything that a control period reads and writes, for all formations, or for one.
+
+    Attributes:
+        task: (1,) TASK.
+        qpos, ctrl: (B, nq), (B, nu) the world's; waiting: (B, nu) commands that wait for an update.
+        floor: (B, rows, columns) rasters.
+        formations: (B,) FORMATION.
+        robots: (B, robots) ROBOT.
+        weights: (B, tables, 2, pairs); trace_ids: (B, followers, 3, pairs); trace_values: (B,
+            followers, 2, pairs), see ``follower.Memory``.
+        chance: (B, BLOCK, robots) CHANCE.
+        block: (B, BLOCK, robots) PERIOD.
+        sights: (B, robots, 4) of pictures; lens: (B, 3, n, n) systematic errors of the camera.
+    """
+
+    task: Any
+    qpos: Any
+    ctrl: Any
+    waiting: Any
+    floor: Any
+    formations: Any
+    robots: Any
+    weights: Any
+    trace_ids: Any
+    trace_values: Any
+    chance: Any
+    block: Any
+    sights: Any
+    lens: Any
+
+
 @compiled
-def control_step(
-    t: int,
-    task: Any,
-    qpos: Any,
-    ctrl: Any,
-    waiting: Any,
-    floor: Any,
-    formations: Any,
-    robots: Any,
-    weights: Any,
-    trace_ids: Any,
-    trace_values: Any,
-    chance: Any,
-    block: Any,
-    sights: Any,
-    lens: Any,
-) -> int:
-    """Do one control period for all formations, all but the physics; return flags, 0 if nothing
-    needs Python.
+def control_step(t: int, arrays: Any) -> int:
+    """Do one control period, the t-th of the block, for all formations, all but the physics; return
+    flags, 0 if nothing needs Python.
     """
     flags = 0
-    for b in range(formations.size):
-        if formations[b].done:
+    for b in range(arrays.formations.size):
+        if arrays.formations[b].done:
             continue
-        flags |= _formation_step(
-            t,
-            task[0],
-            qpos[b],
-            ctrl[b],
-            waiting[b],
-            floor[b],
-            formations[b],
-            robots[b],
-            weights[b],
-            trace_ids[b],
-            trace_values[b],
-            chance[b, t],
-            block[b, t],
-            sights[b],
-            lens[b],
+        one = Arrays(
+            arrays.task,
+            arrays.qpos[b],
+            arrays.ctrl[b],
+            arrays.waiting[b],
+            arrays.floor[b],
+            arrays.formations,
+            arrays.robots[b],
+            arrays.weights[b],
+            arrays.trace_ids[b],
+            arrays.trace_values[b],
+            arrays.chance[b, t],
+            arrays.block[b, t],
+            arrays.sights[b],
+            arrays.lens[b],
         )
+        flags |= _formation_step(one, b)
     return flags
 
 
 @compiled
-def _formation_step(
-    t: int,
-    task: Any,
-    qpos: Any,
-    ctrl: Any,
-    waiting: Any,
-    floor: Any,
-    formation: Any,
-    robots: Any,
-    weights: Any,
-    trace_ids: Any,
-    trace_values: Any,
-    chance: Any,
-    steps: Any,
-    sights: Any,
-    lens: Any,
-) -> int:
+def _formation_step(one: Any, b: int) -> int:
+    task = one.task[0]
+    formation = one.formations[b]
+    robots = one.robots
+    periods = one.block
+    # where everybody is, as the world and a camera have it
     for i in range(robots.size):
-        robot = robots[i]
-        robot.x, robot.y, robot.c, robot.s = read_pose(qpos, i, task.wheels)
-        steps[i].x = robot.x
-        steps[i].y = robot.y
-        steps[i].heading = math.atan2(robot.s, robot.c)
-        if task.law or task.infrared or task.camera or task.external >= 0:
-            _measure_motion(robot)
-        if task.camera:
-            normal = task.camera_at + 3 * i
-            u = task.camera_at + 3 * robots.size + i
-            shown = formation.periods % task.cam_every == 0
-            camera_pose(task, robot, sights[i], lens, chance[normal : normal + 3], chance[u], shown)
-
-    steps[0].phase = FOLLOW
-    if task.external != 0:
-        left, right = _lead(task, floor, robots[0], chance)
-        _command(task, robots[0], ctrl, 0, left, right, chance)
-        _command(task, robots[0], waiting, 0, left, right, chance)
-        steps[0].left, steps[0].right = left, right
-
+        _locate(task, one, formation, i)
+    # the leader follows its line
+    periods[0].phase = FOLLOW
+    if task.run.external != 0:
+        left, right = _lead(task, one.floor, robots[0], one.chance[0].ground)
+        _command(task, robots[0], one.ctrl, 0, left, right, one.chance[0].slip)
+        _command(task, robots[0], one.waiting, 0, left, right, one.chance[0].slip)
+        periods[0].left = left
+        periods[0].right = right
+    # followers sense, and choose from the same instant
+    learner = task.learner
     epsilon = epsilon_at(
-        task.schedule,
-        task.epsilon,
-        task.epsilon_final,
-        task.epsilon_horizon,
+        learner.schedule,
+        learner.epsilon,
+        learner.epsilon_final,
+        learner.epsilon_horizon,
         float(formation.updates),
     )
     flags = 0
     for i in range(1, robots.size):
         robot = robots[i]
-        step = steps[i]
-        silent = (
-            task.body and robot.heard and chance[task.body_at + 2 * robots.size + i] < task.silence
-        )
-        robot.heard = 1
-        robot.silent = silent
-        # what it goes by where no new reading arrives
-        distance = robot.seen_distance
-        bearing = robot.seen_bearing
-        if task.infrared:
-            place = task.infrared_at + SENSORS * (i - 1)
-            if not silent:
-                sense_proximity(task, robots, i, chance[place : place + SENSORS])
-            distance, bearing = look(task, robot)
-        elif not silent:
-            if task.camera:
-                distance, bearing = observe_tracked(robot, robots[i - 1])
-            else:
-                distance, bearing = observe(
-                    robot.x, robot.y, robot.c, robot.s, robots[i - 1].x, robots[i - 1].y
-                )
-            if task.noisy:
-                place = task.noise_at + 2 * (i - 1)
-                distance = abs(distance + task.distance_noise * chance[place])
-                bearing = wrap(bearing + task.bearing_noise * chance[place + 1])
-        robot.seen_distance = distance
-        robot.seen_bearing = bearing
-        if i == task.external:  # somebody else drives this robot
+        _sense(task, robots, i, one.chance[i])
+        if i == task.run.external:  # somebody else drives this robot
             continue
-        if task.law:
+        if task.law.number:
             _know_ahead(robot, robots[i - 1])
-        left, right, finite = act(
-            task,
-            robot,
-            step,
-            weights[robot.table],
-            trace_ids[i - 1],
-            trace_values[i - 1],
-            distance,
-            bearing,
-            epsilon if robot.learns else 0.0,
-            chance[2 + i],
-            formation.updates < formation.budget,
-        )
-        if task.law == OUTSIDE and robot.phase == FOLLOW:
-            continue
-        if (
-            task.delayed
-        ):  # what has just been learned took time, in which the wheels hold the last command
-            _command(task, robot, waiting, i, left, right, chance)
-        if not (task.delayed and step.event & LEARNED):
-            _command(task, robot, ctrl, i, left, right, chance)
-        step.left, step.right = left, right
-        if step.event & LEARNED:
-            formation.updates += 1
-        if not finite or robot.trouble:
-            flags |= DIVERGED
-        if task.restart and step.event & LOSS:
-            flags |= RESTART
-            formation.restart = 1
+        robot.learning.epsilon = epsilon if robot.learning.learns else 0.0
+        robot.learning.chance = one.chance[i].explore
+        robot.learning.room = formation.updates < formation.budget
+        flags |= _act(task, one, formation, i)
+    # while their actions run, all learn
     for i in range(1, robots.size):
-        robot = robots[i]
-        if not learn(task, robot, weights[robot.table], trace_ids[i - 1], trace_values[i - 1]):
+        if not learn(task, robots[i], _memory(one, i)):
             flags |= DIVERGED
     formation.periods += 1
     if formation.updates >= formation.budget or formation.periods >= formation.last_period:
@@ -212,20 +143,93 @@ def _formation_step(
 
 
 @compiled
-def _command(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, chance: Any) -> None:
-    if task.body:
-        drive_body(
-            task,
-            robot,
-            ctrl,
-            i,
-            left,
-            right,
-            chance[task.body_at + 2 * i],
-            chance[task.body_at + 2 * i + 1],
-        )
+def _memory(one: Any, i: int) -> Any:
+    """Return what follower i learns with."""
+    table = one.robots[i].learning.table
+    return Memory(one.weights[table], one.trace_ids[i - 1], one.trace_values[i - 1])
+
+
+@compiled
+def _locate(task: Any, one: Any, formation: Any, i: int) -> None:
+    """Note the pose of robot i, its motion where it is needed, and what a camera makes of it."""
+    robot = one.robots[i]
+    pose = robot.pose
+    pose.x, pose.y, pose.cos, pose.sin = read_pose(one.qpos, i, task.motors.wheels)
+    period = one.block[i]
+    period.x = pose.x
+    period.y = pose.y
+    period.heading = math.atan2(pose.sin, pose.cos)
+    camera = task.camera.mode
+    if task.law.number or task.infrared.sees or camera or task.run.external >= 0:
+        _measure_motion(robot)
+    if camera:
+        shown = formation.periods % task.camera.every == 0
+        chance = one.chance[i]
+        camera_pose(task, robot, one.sights[i], one.lens, chance.camera, chance.hidden, shown)
+
+
+@compiled
+def _sense(task: Any, robots: Any, i: int, chance: Any) -> None:
+    """Write what follower i sees of its predecessor; without a new reading the last one stays."""
+    robot = robots[i]
+    ahead = robots[i - 1]
+    seen = robot.seen
+    silent = task.body.any and seen.heard and chance.silence < task.body.silence
+    seen.heard = 1
+    seen.silent = silent
+    if task.infrared.sees:
+        if not silent:
+            sense_proximity(task, robots, i, chance.infrared)
+        seen.distance, seen.bearing = look(task, robot)
+    elif not silent:
+        if task.camera.mode:
+            distance, bearing = observe_tracked(robot, ahead)
+        else:
+            pose = robot.pose
+            distance, bearing = observe(
+                pose.x, pose.y, pose.cos, pose.sin, ahead.pose.x, ahead.pose.y
+            )
+        if task.noise.any:
+            distance = abs(distance + task.noise.distance * chance.noise[0])
+            bearing = wrap(bearing + task.noise.bearing * chance.noise[1])
+        seen.distance = distance
+        seen.bearing = bearing
+
+
+@compiled
+def _act(task: Any, one: Any, formation: Any, i: int) -> int:
+    """Let follower i act; return flags."""
+    robot = one.robots[i]
+    period = one.block[i]
+    slip = one.chance[i].slip
+    left, right, finite = act(task, robot, period, _memory(one, i))
+    if task.law.number == OUTSIDE and robot.reset.phase == FOLLOW:
+        return 0
+    learned = period.event & LEARNED
+    # what has just been learned took time, in which the wheels hold the last command
+    if task.run.delayed:
+        _command(task, robot, one.waiting, i, left, right, slip)
+    if not (task.run.delayed and learned):
+        _command(task, robot, one.ctrl, i, left, right, slip)
+    period.left = left
+    period.right = right
+    if learned:
+        formation.updates += 1
+    flags = 0
+    if not finite or robot.failure.any:
+        flags |= DIVERGED
+    if task.run.restart and period.event & LOSS:
+        flags |= RESTART
+        formation.restart = 1
+    return flags
+
+
+@compiled
+def _command(task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, slip: Any) -> None:
+    if task.body.any:
+        drive_body(task, robot, ctrl, i, left, right, slip[0], slip[1])
     else:
-        write_command(ctrl, task, i, left, right)
+        write_command(ctrl, task.motors, i, left, right)
 
 
 @compiled
@@ -233,7 +237,7 @@ def carry_out(
     task: Any, robots: Any, ctrl: Any, i: int, left: int, right: int, chance: Any
 ) -> None:
     """Write the command of a robot that somebody else drives into its formation's ctrl row."""
-    _command(task[0], robots[i], ctrl, i, left, right, chance)
+    _command(task[0], robots[i], ctrl, i, left, right, chance[i].slip)
 
 
 @compiled
@@ -248,10 +252,13 @@ def carry_out_all(
             continue
         for i in range(1, robots.shape[1]):
             robot = robots[b, i]
-            if robot.phase == FOLLOW:
-                robot.left, robot.right = left[b, i - 1], right[b, i - 1]
-                robot.ran_left, robot.ran_right = robot.left, robot.right
-                _command(task[0], robot, ctrl[b], i, robot.left, robot.right, chance[b])
+            if robot.reset.phase == FOLLOW:
+                robot.law.left = left[b, i - 1]
+                robot.law.right = right[b, i - 1]
+                robot.command.left = robot.law.left
+                robot.command.right = robot.law.right
+                slip = chance[b, i].slip
+                _command(task[0], robot, ctrl[b], i, robot.law.left, robot.law.right, slip)
 
 
 @compiled
@@ -259,30 +266,34 @@ def _measure_motion(robot: Any) -> None:
     """Note a robot's mean speed (m/s, along its heading) and turning rate (rad/s) over the last
     control period.
     """
-    if robot.pc != 0.0 or robot.ps != 0.0:
-        robot.speed = (
-            (robot.x - robot.px) * robot.c + (robot.y - robot.py) * robot.s
-        ) / CONTROL_PERIOD
+    pose = robot.pose
+    motion = robot.motion
+    if motion.from_cos != 0.0 or motion.from_sin != 0.0:
+        dx, dy = pose.x - motion.from_x, pose.y - motion.from_y
+        motion.speed = (dx * pose.cos + dy * pose.sin) / CONTROL_PERIOD
         turned = math.atan2(
-            robot.s * robot.pc - robot.c * robot.ps, robot.c * robot.pc + robot.s * robot.ps
+            pose.sin * motion.from_cos - pose.cos * motion.from_sin,
+            pose.cos * motion.from_cos + pose.sin * motion.from_sin,
         )
-        robot.turn = turned / CONTROL_PERIOD
+        motion.turn = turned / CONTROL_PERIOD
     else:
-        robot.speed = robot.turn = 0.0
-    robot.px = robot.x
-    robot.py = robot.y
-    robot.pc = robot.c
-    robot.ps = robot.s
+        motion.speed = motion.turn = 0.0
+    motion.from_x = pose.x
+    motion.from_y = pose.y
+    motion.from_cos = pose.cos
+    motion.from_sin = pose.sin
 
 
 @compiled
 def _know_ahead(robot: Any, ahead: Any) -> None:
     """Tell a follower its predecessor's relative heading, speed and turning rate."""
-    robot.ahead_heading = math.atan2(
-        ahead.s * robot.c - ahead.c * robot.s, ahead.c * robot.c + ahead.s * robot.s
+    mine = robot.pose
+    theirs = ahead.pose
+    robot.law.ahead_heading = math.atan2(
+        theirs.sin * mine.cos - theirs.cos * mine.sin, theirs.cos * mine.cos + theirs.sin * mine.sin
     )
-    robot.ahead_speed = ahead.speed
-    robot.ahead_turn = ahead.turn
+    robot.law.ahead_speed = ahead.motion.speed
+    robot.law.ahead_turn = ahead.motion.turn
 
 
 @compiled
@@ -291,7 +302,7 @@ def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
     left = read_ground(task, floor, leader, 0, noise[0])
     centre = read_ground(task, floor, leader, 1, noise[1])
     right = read_ground(task, floor, leader, 2, noise[2])
-    return follow_line(leader, left, centre, right, task.leader_steps, task.vigour)
+    return follow_line(leader, left, centre, right, task.leader.speed, task.leader.vigour)
 
 
 @compiled
@@ -299,8 +310,10 @@ def read_ground(task: Any, floor: Any, robot: Any, k: int, noise: float) -> floa
     """Return ground sensor k of a robot in counts: 0 left, 1 centre, 2 right; noise is a standard
     normal number.
     """
-    x = robot.x + robot.c * task.ground_x - robot.s * task.ground_y[k]
-    y = robot.y + robot.s * task.ground_x + robot.c * task.ground_y[k]
-    return ground_reading(
-        floor_darkness(floor, task.column0, task.row0, x, y), robot.white[k], robot.black[k], noise
-    )
+    pose = robot.pose
+    ahead = task.leader.ground_x
+    aside = task.leader.ground_y[k]
+    x = pose.x + pose.cos * ahead - pose.sin * aside
+    y = pose.y + pose.sin * ahead + pose.cos * aside
+    dark = floor_darkness(floor, task.leader.column0, task.leader.row0, x, y)
+    return ground_reading(dark, robot.ground.white[k], robot.ground.black[k], noise)

@@ -13,7 +13,7 @@ whole block.
 (50, (1, 2500, 2))
 
 Contract: arrays are written, never replaced. The block is the same array at every call, (B, BLOCK,
-followers + 1) of type STEP, robot 0 the leader; copy what you keep. Steps after a formation has
+followers + 1) of type PERIOD, robot 0 the leader; copy what you keep. Steps after a formation has
 finished have phase -1. ``state`` between blocks is everything: ``load`` continues as if never
 stopped.
 """
@@ -21,6 +21,7 @@ stopped.
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numba
@@ -30,11 +31,12 @@ from numpy.typing import NDArray
 from workbench.arena.world import World
 from workbench.formation.body import draw_bodies
 from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
-from workbench.formation.control import DIVERGED, FORMATION, carry_out, carry_out_all, control_step
-from workbench.formation.follower import FOLLOWER, STEP, begin_episode
+from workbench.formation.control import DIVERGED, Arrays, carry_out, carry_out_all, control_step
+from workbench.formation.follower import begin_episode
 from workbench.formation.functions import OwnReward, check_reward, trouble
 from workbench.formation.laws import ControlLaw
 from workbench.formation.places import track_of
+from workbench.formation.records import CHANCE, FORMATION, PERIOD, ROBOT
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.camera import Eyes
 from workbench.formation.streams import CHILDREN, children, own_chance
@@ -43,11 +45,11 @@ from workbench.formation.task import fill_task
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
 from workbench.robot.ground import MODULES, WHITE
-from workbench.robot.infrared import SENSORS, calibrate, draw_units
+from workbench.robot.infrared import calibrate, draw_units
 
 BLOCK = 2500  # control periods
 
-_UNUSED = np.zeros((), STEP)
+_UNUSED = np.zeros((), PERIOD)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
 
 
@@ -76,7 +78,7 @@ class Convoy:
         world: the physics, open to every use.
         weights: (B, tables, 2, rows * actions) main and secondary weights.
         task: (1,) record of type TASK.
-        robots: (B, followers + 1) records of type FOLLOWER, robot 0 the leader.
+        robots: (B, followers + 1) records of type ROBOT, robot 0 the leader.
         updates: (B,) learning updates done.
         finished: whether all formations have used up their steps or periods.
     """
@@ -113,12 +115,11 @@ class Convoy:
         self.config = config
         self.seeds = tuple(seeds)
         self._learning = steps > 0
-        count = len(seeds)
-        n = config.followers
+        self._kept = (law, reward)
         self._rngs = [children(seed, config.fleet) for seed in seeds]
         tracks = [track_of(config, rng["track"]) for rng in self._rngs]
         self.world = World(
-            n,
+            config.followers,
             tracks,
             drive=config.drive,
             spacing_m=config.middle_m,
@@ -127,90 +128,117 @@ class Convoy:
             threads=threads,
             furnish=furnish,
         )
-        pairs = config.rows * config.actions
-        self.weights = first_weights(config, count, policy, learning=self._learning)
-        empty = new_trace(pairs)
-        self._trace_ids = np.tile(np.stack([empty[0], empty[2], empty[0]]), (count, n, 1, 1))
-        self._trace_values = np.zeros((count, n, 2, pairs))
-        # commands that wait for an update
-        self._waiting = np.zeros_like(self.world.ctrl)
-        self._delay = config.delay_steps
-        self._formations = np.zeros(count, FORMATION)
-        self._formations["budget"] = steps if steps else np.iinfo(np.int64).max
-        limit = (
-            periods or 20 * math.ceil(steps / (1 if config.weights == "first" else n)) + 10 * BLOCK
-        )
-        self._formations["last_period"] = limit
-        self.robots = np.zeros((count, n + 1), FOLLOWER)
-        self.robots["state"] = -1
-        self._first_memory = -1.0 if config.track.direction == "clockwise" else 1.0
-        self.robots["memory"] = self._first_memory
-        black = MODULES[config.ground]
-        self.robots["white"] = self.robots["knows_white"] = WHITE
-        self.robots["black"] = black
-        self.robots["knows_black"] = black if config.ground_calibrated else MODULES["a"]
-        if self.weights.shape[1] > 1:
-            self.robots["table"][:, 1:] = np.arange(n)
-        if steps:
-            self.robots["learns"][:, 1:] = 1
-            if config.weights == "first":
-                self.robots["learns"][:, 2:] = 0
+        self.weights = first_weights(config, len(seeds), policy, learning=self._learning)
         self.task = fill_task(config, horizon or steps, law, reward)
-        self._kept = (law, reward)
-        self.task["column0"] = self.world.floor.column0
-        self.task["row0"] = self.world.floor.row0
+        self.task["leader"]["column0"] = self.world.floor.column0
+        self.task["leader"]["row0"] = self.world.floor.row0
+        self.robots = self._fleet(steps)
+        self._formations = self._counters(steps, periods)
         if external is not None:
-            if not 0 <= external <= n:
+            if not 0 <= external <= config.followers:
                 raise ValueError(
-                    f"external = {external!r}; this convoy has robots 0 (the leader) to {n}"
+                    f"external = {external!r}; this convoy has robots 0 (the leader) to "
+                    f"{config.followers}"
                 )
-            self.task["external"] = external
+            self.task["run"]["external"] = external
         self.has_sensors = False
         if config.sensing in INFRARED or external is not None:
             self.fit_sensors()
-        # what is drawn in advance for a block: child, its columns, and whether uniform in [0, 1) or
-        # normal
-        self._draws = [("sensor", 3, False), ("policy", n, True)]
-        if config.noisy:
-            self._draws.append(("noise", 2 * n, False))
-        if config.sensing in INFRARED:
-            self._draws.append(("infrared", SENSORS * n, False))
-        self._sights = np.zeros((count, n + 1, 4))
-        self._lens = np.zeros((count, 3, 2, 2))
         self._eyes = list[Eyes]()
+        self._lens = np.zeros((len(seeds), 3, 2, 2))
         if config.sensing in CAMERA:
-            self._draws += [("camera", 3 * (n + 1), False), ("hidden", n + 1, True)]
             self._hang_camera()
+        self._draws = self._what_is_drawn()
+        self._bind()
+
+    def _fleet(self, steps: int) -> NDArray[np.void]:
+        """Return the robots' records, (B, followers + 1), as they are before anything happens."""
+        config = self.config
+        robots = np.zeros((len(self.seeds), config.followers + 1), ROBOT)
+        robots["choice"]["state"] = -1
+        self._first_side = -1.0 if config.track.direction == "clockwise" else 1.0
+        ground = robots["ground"]
+        ground["line_side"] = self._first_side
+        black = MODULES[config.ground]
+        ground["white"] = ground["knows_white"] = WHITE
+        ground["black"] = black
+        ground["knows_black"] = black if config.ground_calibrated else MODULES["a"]
+        learning = robots["learning"]
+        if self.weights.shape[1] > 1:
+            learning["table"][:, 1:] = np.arange(config.followers)
+        if steps:
+            learning["learns"][:, 1:] = 1
+            if config.weights == "first":
+                learning["learns"][:, 2:] = 0
         if not config.body.nominal:
-            self.task["body_at"] = sum(width for _, width, _ in self._draws)
-            self._draws += [("slip", 2 * (n + 1), False), ("silence", n + 1, True)]
-            for robots, rng in zip(self.robots, self._rngs, strict=True):
-                robots["wheel"], robots["axle"] = draw_bodies(rng["bodies"], config.body, n + 1)
-        self._chance = np.zeros((count, BLOCK, sum(width for _, width, _ in self._draws)))
-        self._drawn = [np.zeros((BLOCK, width)) for _, width, _ in self._draws]
+            for own, rng in zip(robots["body"], self._rngs, strict=True):
+                wheel, axle = draw_bodies(rng["bodies"], config.body, config.followers + 1)
+                own["wheel"] = wheel
+                own["axle"] = axle
+        return robots
+
+    def _counters(self, steps: int, periods: int | None) -> NDArray[np.void]:
+        """Return the formations' counters, (B,), with how many updates and periods they may do."""
+        counters = np.zeros(len(self.seeds), FORMATION)
+        counters["budget"] = steps if steps else np.iinfo(np.int64).max
+        learners = 1 if self.config.weights == "first" else self.config.followers
+        counters["last_period"] = periods or 20 * math.ceil(steps / learners) + 10 * BLOCK
+        return counters
+
+    def _what_is_drawn(self) -> list[tuple[str, str, slice, bool]]:
+        """Return what is drawn in advance for a block: stream, field of CHANCE, for which robots,
+        and whether uniform in [0, 1) or normal. The order decides nothing: every stream is its own.
+        """
+        config = self.config
+        leader, followers, everybody = slice(0, 1), slice(1, None), slice(None)
+        draws = [("sensor", "ground", leader, False), ("policy", "explore", followers, True)]
+        if config.noisy:
+            draws.append(("noise", "noise", followers, False))
+        if config.sensing in INFRARED:
+            draws.append(("infrared", "infrared", followers, False))
+        if config.sensing in CAMERA:
+            draws += [("camera", "camera", everybody, False), ("hidden", "hidden", everybody, True)]
+        if not config.body.nominal:
+            draws += [("slip", "slip", everybody, False), ("silence", "silence", everybody, True)]
+        return draws
+
+    def _bind(self) -> None:
+        """Bring together all that the loop reads and writes, and compile it for these types."""
+        config = self.config
+        count = len(self.seeds)
+        n = config.followers
+        index, _, slot = new_trace(config.rows * config.actions)
+        self._trace_ids = np.tile(np.stack([index, slot, index]), (count, n, 1, 1))
+        self._trace_values = np.zeros((count, n, 2, index.size))
+        self._waiting = np.zeros_like(self.world.ctrl)  # commands that wait for an update
+        self._chance = np.zeros((count, BLOCK, n + 1), CHANCE)
+        self._drawn = [
+            np.zeros(self._chance[field][0, :, who].shape) for _, field, who, _ in self._draws
+        ]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
-        arrays = (
-            self.task,
-            self.world.qpos,
-            self.world.ctrl,
-            self._waiting,
-            self.world.floor.raster,
-            self._formations,
-            self.robots,
-            self.weights,
-            self._trace_ids,
-            self._trace_values,
-            self._chance,
-            self._block,
-            self._sights,
-            self._lens,
+        self._sights = np.zeros((count, n + 1, 4))
+        self._arrays = Arrays(
+            task=self.task,
+            qpos=self.world.qpos,
+            ctrl=self.world.ctrl,
+            waiting=self._waiting,
+            floor=self.world.floor.raster,
+            formations=self._formations,
+            robots=self.robots,
+            weights=self.weights,
+            trace_ids=self._trace_ids,
+            trace_values=self._trace_values,
+            chance=self._chance,
+            block=self._block,
+            sights=self._sights,
+            lens=self._lens,
         )
-        types = tuple(numba.typeof(argument) for argument in (0, *arrays))
+        types = (numba.typeof(0), numba.typeof(self._arrays))
         control_step.compile(types)
         # the compiled function for exactly these types: numba's look-up at every call would cost as
         # much as the call
-        self._act_all = control_step.overloads[types].entry_point  # type: ignore[attr-defined]  # a named tuple
-        self._arrays = arrays
+        overloads: Any = control_step.overloads
+        self._act_all = overloads[types].entry_point
 
     @property
     def updates(self) -> NDArray[np.int64]:
@@ -240,12 +268,12 @@ class Convoy:
     @property
     def trace_entries(self) -> NDArray[np.int64]:
         """(B, followers) entries of each follower's eligibility trace now."""
-        entries: NDArray[np.int64] = self.robots["trace"][:, 1:].copy()
+        entries: NDArray[np.int64] = self.robots["learning"]["trace"][:, 1:].copy()
         return entries
 
     def run_block(self) -> NDArray[np.void]:
         """Run up to BLOCK control periods and return their records, (B, BLOCK, followers + 1) of
-        type STEP.
+        type PERIOD.
 
         Raises:
             FloatingPointError: learning diverged; the message names seed, update, norms and step
@@ -259,12 +287,12 @@ class Convoy:
         substeps = self.world.substeps
         step = self.world.batch.step
         running = self._running()
-        delay = self._delay
+        delay = self.config.delay_steps
         ctrl = self.world.ctrl
         for t in range(BLOCK):
             if self._eyes:
                 self.look()
-            flags = act_all(t, *arrays)
+            flags = act_all(t, arrays)
             if flags:
                 self._attend(flags, t)
                 running = self._running()
@@ -289,13 +317,13 @@ class Convoy:
             t: control periods since the start; chance is drawn anew at every multiple of BLOCK.
 
         Returns:
-            (B, followers + 1) of type STEP, a view: what happened.
+            (B, followers + 1) of type PERIOD, a view: what happened.
         """
         if t % BLOCK == 0:
             self._draw()
         if self._eyes:
             self.look()
-        flags = self._act_all(t % BLOCK, *self._arrays)
+        flags = self._act_all(t % BLOCK, self._arrays)
         if flags:
             self._attend(flags, t % BLOCK)
         steps: NDArray[np.void] = self._block[:, t % BLOCK]
@@ -349,21 +377,21 @@ class Convoy:
         robots = self.robots[formation]
         if forget:
             self._waiting[formation] = 0
-            robots["pc"] = robots["ps"] = 0.0  # what was measured of the last period is void
-            robots["tracked"] = robots["queue"] = robots["heard"] = 0
+            robots["motion"]["from_cos"] = robots["motion"]["from_sin"] = (
+                0.0  # what was measured of the last period is void
+            )
+            robots["camera"]["tracked"] = robots["body"]["queue"] = robots["seen"]["heard"] = 0
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
             begin_episode(robot, ids)
-            robot["phase"] = FOLLOW
-            robot["timer"] = 0
+            robot["reset"]["phase"] = FOLLOW
+            robot["reset"]["timer"] = 0
 
     def _draw(self) -> None:
         """Draw the chance of one block."""
         for b, rng in enumerate(self._rngs):
-            column = 0
-            for (name, width, uniform), drawn in zip(self._draws, self._drawn, strict=True):
-                (rng[name].random if uniform else rng[name].standard_normal)(out=drawn)
-                self._chance[b, :, column : column + width] = drawn
-                column += width
+            for (stream, field, who, uniform), drawn in zip(self._draws, self._drawn, strict=True):
+                (rng[stream].random if uniform else rng[stream].standard_normal)(out=drawn)
+                self._chance[field][b, :, who] = drawn
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that the next block depends on, as copies of plain arrays."""
@@ -428,7 +456,7 @@ class Convoy:
                 table, view = camera.bias_table()
                 if b == 0:
                     self._lens = np.zeros((len(self.seeds), *table.shape))
-                    self.task["cam_view"] = view
+                    self.task["camera"]["window"] = view
                 self._lens[b] = table
 
     def look(self) -> None:
@@ -450,12 +478,14 @@ class Convoy:
         infrared = self.config.infrared
         for robots, rng, seed in zip(self.robots, self._rngs, self.seeds, strict=True):
             for number, robot in enumerate(robots):
-                robot["gain"], robot["offset"] = draw_units(rng["units"], infrared)
+                robot["infrared"]["gain"], robot["infrared"]["offset"] = draw_units(
+                    rng["units"], infrared
+                )
                 if infrared.calibrated:
-                    robot["bias"] = calibrate(
+                    robot["infrared"]["bias"] = calibrate(
                         own_chance(self.config.fleet or seed, number, "bias"),
                         infrared,
-                        robot["offset"],
+                        robot["infrared"]["offset"],
                     )
 
     def _running(self) -> NDArray[np.int64] | None:
@@ -485,8 +515,8 @@ class Convoy:
             self._block[b, t]["left"] = self._block[b, t]["right"] = (
                 0  # at rest: these commands never ran
             )
-            self.robots[b, 0]["memory"] = self._first_memory
-            self.robots[b, 0]["timer"] = 0
+            self.robots[b, 0]["ground"]["line_side"] = self._first_side
+            self.robots[b, 0]["reset"]["timer"] = 0
             self.begin_again(b)
         self._formations["restart"] = 0
 

@@ -178,11 +178,11 @@ class OwnLaw(ControlLaw):
 
 def trouble(robots: NDArray[np.void], law: ControlLaw | None, reward: OwnReward | None) -> str:
     """Return what to say where a function of the user's own failed in the loop, "" if none did."""
-    at = np.argwhere(robots["trouble"] != 0)
+    at = np.argwhere(robots["failure"]["any"] != 0)
     if not len(at):
         return ""
     record = robots[tuple(at[0])]
-    x, y = float(record["trouble_at"][0]), float(record["trouble_at"][1])
+    x, y = float(record["failure"]["at"][0]), float(record["failure"]["at"][1])
     if isinstance(law, OwnLaw):
         where = f"distance = {x:g} m, bearing = {y:g} rad"
         return (

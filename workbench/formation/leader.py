@@ -13,9 +13,31 @@ Contract: ``follow_line`` reads and writes the leader's record: ``memory`` -1 li
 
 from typing import Any
 
+import numpy as np
+
 from workbench.compiled import compiled
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import darkness
+
+GROUND = np.dtype(  # readings on white and black, and what the robot takes them for; line last seen
+    [
+        ("white", "f8", (3,)),
+        ("black", "f8", (3,)),
+        ("knows_white", "f8", (3,)),
+        ("knows_black", "f8", (3,)),
+        ("line_side", "f8"),
+    ]
+)
+LEADER = np.dtype(  # steps/s; fastest command against an e-puck's; the floor's origin; sensors in m
+    [
+        ("speed", "f8"),
+        ("vigour", "f8"),
+        ("column0", "i8"),
+        ("row0", "i8"),
+        ("ground_x", "f8"),
+        ("ground_y", "f8", (3,)),
+    ]
+)
 
 GAIN = 170.0  # steps/s of each wheel per unit of darkness difference, of an e-puck; our choice
 LOST_TURN = 250.0  # steps/s of each wheel while no sensor sees the line, of an e-puck
@@ -33,19 +55,19 @@ def follow_line(
     ``vigour`` is the robot's fastest command against an e-puck's: turns are made with the same
     share of it.
     """
-    white = leader.knows_white
-    black = leader.knows_black
+    white = leader.ground.knows_white
+    black = leader.ground.knows_black
     dark_left, dark_right = darkness(left, white[0], black[0]), darkness(right, white[2], black[2])
     dark_centre = darkness(centre, white[1], black[1])
     side = dark_left - dark_right
     if max(dark_left, dark_centre, dark_right) < VISIBLE:
-        leader.timer += 1
-        if leader.timer > GONE:
+        leader.reset.timer += 1
+        if leader.reset.timer > GONE:
             return 0, 0
-        steer = vigour * LOST_TURN * leader.memory
+        steer = vigour * LOST_TURN * leader.ground.line_side
     else:
-        leader.timer = 0
+        leader.reset.timer = 0
         steer = vigour * GAIN * side
         if abs(side) > VISIBLE:
-            leader.memory = 1.0 if side > 0 else -1.0
+            leader.ground.line_side = 1.0 if side > 0 else -1.0
     return int(round(speed - steer)), int(round(speed + steer))

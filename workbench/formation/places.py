@@ -24,8 +24,8 @@ def world_of(config: ConvoyConfig) -> World:
 
 
 def still_world(config: ConvoyConfig, poses: NDArray[np.void]) -> World:
-    """Return ``world_of`` a configuration with the robots where one row of step records (STEP) has
-    them.
+    """Return ``world_of`` a configuration with the robots where one row of step records (PERIOD)
+    has them.
     """
     world = world_of(config)
     for robot, pose in enumerate(poses):

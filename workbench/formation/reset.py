@@ -27,9 +27,16 @@ Contract: ``manoeuvre`` reads and writes one follower's record; counts are in co
 import math
 from typing import Any
 
+import numpy as np
+
 from workbench.compiled import compiled
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
+
+RESET = np.dtype([("phase", "i8"), ("timer", "i8")])  # timer in control periods
+SEARCHING = np.dtype(  # steps/s; control periods of one turn; steps/s per rad; share of a bearing
+    [("speed", "i8"), ("periods", "i8"), ("deadbeat", "f8"), ("haste", "f8")]
+)
 
 FOLLOW, BACK_OFF, TURN, APPROACH, SEARCH, LOST = range(6)
 PHASES = ("follow", "back off", "turn", "approach", "search", "lost")
@@ -45,16 +52,16 @@ _HALF_SWING = 6
 
 
 def search_numbers(robot: RobotConfig) -> dict[str, float]:
-    """Return how a robot searches, as fields of TASK: steps/s, control periods of one turn, steps/s
-    per rad.
+    """Return how a robot searches, as fields of SEARCHING: steps/s, control periods of one turn,
+    steps/s per rad.
 
     With ``deadbeat`` it turns by a bearing in one control period.
     """
     speed = round(SEARCH_SPEED * robot.most_steps / EPUCK.most_steps)
     turn = 2 * speed * robot.step_m / robot.track_m
     return {
-        "search_speed": speed,
-        "search_periods": math.ceil(2 * math.pi / turn / CONTROL_PERIOD),
+        "speed": speed,
+        "periods": math.ceil(2 * math.pi / turn / CONTROL_PERIOD),
         "deadbeat": robot.track_m / 2 / CONTROL_PERIOD / robot.step_m,
     }
 
@@ -62,8 +69,8 @@ def search_numbers(robot: RobotConfig) -> dict[str, float]:
 @compiled
 def begin_reset(follower: Any, distance: float, near: float) -> None:
     """Enter the manoeuvre at a terminal."""
-    follower.phase = BACK_OFF if distance < near else TURN
-    follower.timer = 0
+    follower.reset.phase = BACK_OFF if distance < near else TURN
+    follower.reset.timer = 0
 
 
 @compiled
@@ -80,51 +87,56 @@ def manoeuvre(task: Any, follower: Any, distance: float, bearing: float) -> tupl
             a new episode now.
         distance, bearing: of the predecessor, m and rad.
     """
-    half_range = task.half_range
-    most = task.most
-    search = task.search_speed
-    seen = distance <= task.sight
-    error = distance - task.middle
-    follower.timer += 1
-    if follower.phase == LOST or follower.phase == SEARCH:
+    half_range = task.bounds.half_range
+    most = task.motors.most
+    search = task.search.speed
+    seen = distance <= task.bounds.sight
+    error = distance - task.bounds.middle
+    follower.reset.timer += 1
+    if follower.reset.phase == LOST or follower.reset.phase == SEARCH:
         if seen:
-            begin_reset(follower, distance, task.middle - half_range / 3)
-        elif follower.phase == LOST or follower.timer > (
-            DRIVE_ON_PERIODS if task.infrared else task.search_periods
+            begin_reset(follower, distance, task.bounds.middle - half_range / 3)
+        elif follower.reset.phase == LOST or follower.reset.timer > (
+            DRIVE_ON_PERIODS if task.infrared.sees else task.search.periods
         ):
-            follower.phase = LOST
+            follower.reset.phase = LOST
             return 0, 0
-        elif task.infrared:
-            return drive_on(task, follower.timer, bearing)
+        elif task.infrared.sees:
+            return drive_on(task, follower.reset.timer, bearing)
         else:
             return -search, search
-    if abs(error) < half_range / 3 and abs(bearing) < task.limit:
-        follower.phase = FOLLOW
+    if abs(error) < half_range / 3 and abs(bearing) < task.bounds.bearing:
+        follower.reset.phase = FOLLOW
         return 0, 0
-    if not seen or follower.timer > TIME_OUT:
-        follower.phase = SEARCH
-        follower.timer = 0
-        if task.infrared:
+    if not seen or follower.reset.timer > TIME_OUT:
+        follower.reset.phase = SEARCH
+        follower.reset.timer = 0
+        if task.infrared.sees:
             return drive_on(task, 0, bearing)
         return -search, search
     away = -most if abs(bearing) < math.pi / 2 else most
-    if follower.phase == BACK_OFF and error < 0:
+    if follower.reset.phase == BACK_OFF and error < 0:
         return away, away
-    if follower.phase == APPROACH and abs(bearing) < 2 * TOLERANCE and error > 0:
+    if follower.reset.phase == APPROACH and abs(bearing) < 2 * TOLERANCE and error > 0:
         return most, most
     if abs(bearing) >= TOLERANCE:
-        follower.phase = TURN
+        follower.reset.phase = TURN
         return _turn_to(task, bearing)
     if error > 0:
-        follower.phase = APPROACH
+        follower.reset.phase = APPROACH
         return most, most
-    follower.phase = BACK_OFF
+    follower.reset.phase = BACK_OFF
     return away, away
 
 
 @compiled
 def _turn_to(task: Any, bearing: float) -> tuple[int, int]:
-    turn = int(max(-task.most, min(task.most, round(bearing * task.haste * task.deadbeat))))
+    turn = int(
+        max(
+            -task.motors.most,
+            min(task.motors.most, round(bearing * task.search.haste * task.search.deadbeat)),
+        )
+    )
     return -turn, turn
 
 
@@ -136,6 +148,6 @@ def drive_on(task: Any, timer: int, sought: float) -> tuple[int, int]:
     if timer < _HALF_SWING and abs(sought) >= TOLERANCE:
         return _turn_to(task, sought)
     if timer < 2 * _HALF_SWING:
-        return task.most, task.most
+        return task.motors.most, task.motors.most
     swing = _SWING if (timer + _HALF_SWING // 2) // _HALF_SWING % 2 else -_SWING
     return _DRIVE_ON - swing, _DRIVE_ON + swing

@@ -41,8 +41,7 @@ from workbench.formation.streams import own_chance
 from workbench.robot.api import SENSORS, Robot
 from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.infrared import SENSORS as RING_SENSORS
-from workbench.robot.infrared import calibrate, raw_reading
+from workbench.robot.infrared import SENSORS as RING_SENSORS, calibrate, raw_reading
 from workbench.robot.motors import wheel_speed
 
 
@@ -152,7 +151,9 @@ class SimulatedRobot(Robot):
         self._started = False
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
-        self.convoy.robots["bias"][0, self.robot] = 0.0  # this robot calibrates when it is told to
+        self.convoy.robots["infrared"]["bias"][0, self.robot] = (
+            0.0  # this robot calibrates when it is told to
+        )
         sense(
             self.convoy.task, self.convoy.robots[0], self.robot, np.zeros(RING_SENSORS)
         )  # compiled now, not while
@@ -172,8 +173,8 @@ class SimulatedRobot(Robot):
         if self.debug:
             print("→ D", left, right)
         record = self.convoy.robots[0, self.robot]
-        record["ran_left"] = left
-        record["ran_right"] = right
+        record["command"]["left"] = left
+        record["command"]["right"] = right
 
     def _pass_time(self) -> None:
         if self._started:
@@ -195,17 +196,17 @@ class SimulatedRobot(Robot):
         record = robots[me]
         if (
             self.config.sensing not in INFRARED or me == 0 or self._rays is not None
-        ) and not record["silent"]:
+        ) and not record["seen"]["silent"]:
             sense(convoy.task, robots, me, self._own.standard_normal(RING_SENSORS))
-        if self._rays is not None and not record["silent"]:
+        if self._rays is not None and not record["seen"]["silent"]:
             self._cast(record)
         found: dict[str, tuple[float, ...]] = {
-            "observe": (float(record["seen_distance"]), float(record["seen_bearing"]))
+            "observe": (float(record["seen"]["distance"]), float(record["seen"]["bearing"]))
         }
         if "proximity" in sensors:
-            found["proximity"] = tuple(record["prox"].tolist())
+            found["proximity"] = tuple(record["infrared"]["readings"].tolist())
         if "light" in sensors:
-            found["light"] = tuple(record["headroom"].tolist())
+            found["light"] = tuple(record["infrared"]["headroom"].tolist())
         if "floor" in sensors:
             found["floor"] = self._floor()
         speeds = {
@@ -225,13 +226,13 @@ class SimulatedRobot(Robot):
         for k, light in enumerate(self._rays.light(0, self.robot)):
             raw = raw_reading(
                 light,
-                record["gain"][k],
-                record["offset"][k],
-                record["headroom"][k],
+                record["infrared"]["gain"][k],
+                record["infrared"]["offset"][k],
+                record["infrared"]["headroom"][k],
                 noise[k],
-                task["ir_spread"],
+                task["infrared"]["spread"],
             )
-            record["prox"][k] = max(raw - record["bias"][k], 0.0)
+            record["infrared"]["readings"][k] = max(raw - record["infrared"]["bias"][k], 0.0)
 
     def _floor(self) -> tuple[float, ...]:
         convoy = self.convoy
@@ -256,7 +257,9 @@ class SimulatedRobot(Robot):
         elif device == "calibrate":
             record = self.convoy.robots[0, self.robot]
             chance = own_chance(self.config.fleet or self.config.seed, self.robot, "bias")
-            record["bias"] = calibrate(chance, self.config.infrared, record["offset"])
+            record["infrared"]["bias"] = calibrate(
+                chance, self.config.infrared, record["infrared"]["offset"]
+            )
         else:
             self.lights[device] = values
 

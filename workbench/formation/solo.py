@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from workbench.compiled import compiled
 from workbench.formation import follower as kernel
 from workbench.formation.config import INFRARED, ConvoyConfig
-from workbench.formation.follower import FOLLOWER, LEARNED, LOSS, RECOVERED, STEP
+from workbench.formation.follower import LEARNED, LOSS, RECOVERED
 from workbench.formation.policy import Policy
+from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reward import OWN
 from workbench.formation.senses.infrared import look
 from workbench.formation.streams import children
@@ -43,31 +44,16 @@ Watcher = Callable[["SoloFollower", Robot, float], None]
 
 
 @compiled
-def _decide(
-    task: Any,
-    follower: Any,
-    step: Any,
-    weights: Any,
-    ids: Any,
-    values: Any,
-    distance: float,
-    bearing: float,
-    epsilon: float,
-    u: float,
-    room: bool,
-) -> tuple[int, int, bool]:
-    if task[0].infrared:
-        distance, bearing = look(task[0], follower[0])
-    follower[0].seen_distance = distance
-    follower[0].seen_bearing = bearing
-    return kernel.act(
-        task[0], follower[0], step[0], weights, ids, values, distance, bearing, epsilon, u, room
-    )
+def _decide(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, bool]:
+    if task[0].infrared.sees:
+        seen = follower[0].seen
+        seen.distance, seen.bearing = look(task[0], follower[0])
+    return kernel.act(task[0], follower[0], period[0], memory)
 
 
 @compiled
-def _learn(task: Any, follower: Any, weights: Any, ids: Any, values: Any) -> bool:
-    return kernel.learn(task[0], follower[0], weights, ids, values)
+def _learn(task: Any, follower: Any, memory: Any) -> bool:
+    return kernel.learn(task[0], follower[0], memory)
 
 
 class SoloFollower:
@@ -79,7 +65,7 @@ class SoloFollower:
         steps: learning updates over which it learns, 0 to follow the policy greedily.
 
     Attributes:
-        record: () of type FOLLOWER, step: () of type STEP: what it saw and did at the last
+        record: () of type ROBOT, step: () of type PERIOD: what it saw and did at the last
             decision.
         weights: (2, rows * actions) main and secondary weights.
         updates: learning updates done.
@@ -107,40 +93,34 @@ class SoloFollower:
         self.updates = 0
         self._task = fill_task(config, steps)
         pairs = config.rows * config.actions
-        self._record = np.zeros(1, FOLLOWER)
-        self._step = np.zeros(1, STEP)
-        self._record["state"] = -1
-        self._record["learns"] = steps > 0
-        self._record["headroom"] = DARK
+        self._record = np.zeros(1, ROBOT)
+        self._step = np.zeros(1, PERIOD)
+        self._record["choice"]["state"] = -1
+        self._record["learning"]["learns"] = steps > 0
+        self._record["infrared"]["headroom"] = DARK
         self.weights = np.zeros((2, pairs))
         self.weights[0] = (
             config.learner.theta0 / config.tilings if policy is None else policy.theta[0].ravel()
         )
-        empty = new_trace(pairs)
-        self._ids = np.stack([empty[0], empty[2], empty[0]])
-        self._values = np.stack([empty[1], empty[1]])
+        index, values, slot = new_trace(pairs)
+        ids = np.stack([index, slot, index])
+        self._memory = kernel.Memory(self.weights, ids, np.stack([values, values]))
         self._chance = children(config.seed)["policy"]
         self.probability = 1.0
         self.epsilon = 0.0
-        arrays = (self._task, self._record, self._step, self.weights, self._ids, self._values)
-        _decide.compile(
-            tuple(numba.typeof(value) for value in (*arrays, 0.0, 0.0, 0.0, 0.0, True))
-        )  # not while a robot waits
-        _learn.compile(
-            tuple(
-                numba.typeof(value)
-                for value in (self._task, self._record, self.weights, self._ids, self._values)
-            )
-        )
+        # not while a robot waits
+        what = (self._task, self._record, self._step, self._memory)
+        _decide.compile(tuple(numba.typeof(value) for value in what))
+        _learn.compile(tuple(numba.typeof(what[k]) for k in (0, 1, 3)))
 
     @property
     def record(self) -> Any:
-        """The follower's record, type FOLLOWER."""
+        """The follower's record, type ROBOT."""
         return self._record[0]
 
     @property
     def step(self) -> Any:
-        """What happened at the last decision, type STEP."""
+        """What happened at the last decision, type PERIOD."""
         return self._step[0]
 
     @property
@@ -169,56 +149,60 @@ class SoloFollower:
             FloatingPointError: learning diverged.
             ValueError: readings are missing or not eight finite numbers.
         """
-        if self.config.sensing in INFRARED:
-            if readings is None or len(readings) != SENSORS or not np.all(np.isfinite(readings)):
-                raise ValueError(f"readings = {readings!r}; expected {SENSORS} finite counts")
-            self._record["prox"][0] = readings
-            if light is not None:
-                self._record["headroom"][0] = light
-        elif not (np.isfinite(distance) and np.isfinite(bearing)):
-            raise ValueError(
-                f"distance = {distance!r}, bearing = {bearing!r}; expected finite numbers"
-            )
-        learner = self.config.learner
-        task = self._task[0]
-        epsilon = self.epsilon
-        if self.steps:
-            epsilon = epsilon_at(
-                int(task["schedule"]),
-                learner.epsilon,
-                learner.epsilon_final,
-                float(task["epsilon_horizon"]),
-                float(self.updates),
-            )
-        left, right, finite = _decide(
-            self._task,
-            self._record,
-            self._step,
-            self.weights,
-            self._ids,
-            self._values,
-            float(distance),
-            float(bearing),
-            epsilon,
-            float(self._chance.random()),
-            self.updates < self.steps,
-        )
-        if self._step["event"][0] & LEARNED:
+        self._notice(readings, light, distance, bearing)
+        epsilon = self._exploration()
+        learning = self._record["learning"]
+        learning["epsilon"] = epsilon
+        learning["chance"] = self._chance.random()
+        learning["room"] = self.updates < self.steps
+        left, right, finite = _decide(self._task, self._record, self._step, self._memory)
+        event = int(self._step["event"][0])
+        if event & LEARNED:
             self.updates += 1
         if not finite:
             raise FloatingPointError(
                 f"learning diverged at update {self.updates}; lower the step sizes"
             )
         explored = epsilon / self.config.actions
-        greedy = self._step["event"][0] & kernel.EXPLORED == 0
-        self.probability = (
-            explored + (1.0 - epsilon if greedy else 0.0) if self._record["state"][0] >= 0 else 1.0
-        )
+        greedy = 1.0 - epsilon if event & kernel.EXPLORED == 0 else 0.0
+        follows = self._record["choice"]["state"][0] >= 0
+        self.probability = explored + greedy if follows else 1.0
         return int(left), int(right)
+
+    def _notice(
+        self, readings: Any, light: tuple[float, ...] | None, distance: float, bearing: float
+    ) -> None:
+        """Write what it is told into its record."""
+        if self.config.sensing in INFRARED:
+            if readings is None or len(readings) != SENSORS or not np.all(np.isfinite(readings)):
+                raise ValueError(f"readings = {readings!r}; expected {SENSORS} finite counts")
+            self._record["infrared"]["readings"][0] = readings
+            if light is not None:
+                self._record["infrared"]["headroom"][0] = light
+        elif not (np.isfinite(distance) and np.isfinite(bearing)):
+            raise ValueError(
+                f"distance = {distance!r}, bearing = {bearing!r}; expected finite numbers"
+            )
+        self._record["seen"]["distance"] = distance
+        self._record["seen"]["bearing"] = bearing
+
+    def _exploration(self) -> float:
+        """Return ε of this moment: by its schedule while it learns, else what it was told."""
+        if not self.steps:
+            return self.epsilon
+        learner = self._task["learner"][0]
+        epsilon: float = epsilon_at(
+            int(learner["schedule"]),
+            float(learner["epsilon"]),
+            float(learner["epsilon_final"]),
+            float(learner["epsilon_horizon"]),
+            float(self.updates),
+        )
+        return epsilon
 
     def learn(self) -> None:
         """Learn the transition that has just ended, if there is one."""
-        if not _learn(self._task, self._record, self.weights, self._ids, self._values):
+        if not _learn(self._task, self._record, self._memory):
             raise FloatingPointError(
                 f"learning diverged at update {self.updates}; lower the step sizes"
             )
@@ -289,7 +273,12 @@ def drive(
         for _ in range(periods):
             robot.step()
             begun = time.monotonic()
-            if not buffer and update_s and follower.record["state"] >= 0 and follower.steps:
+            if (
+                not buffer
+                and update_s
+                and follower.record["choice"]["state"] >= 0
+                and follower.steps
+            ):
                 time.sleep(update_s)
             if infrared:
                 light = robot.get_light_sensor() if "light" in robot.get_sensors_enabled() else None

@@ -33,12 +33,45 @@ memory. Nothing is allocated.
 import math
 from typing import Any
 
+import numpy as np
+
 from workbench.compiled import call_at, compiled
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.motors import wheel_speed
 
 CARROT, LEADER_FRAME, L_PSI, PURSUIT, PATH, OWN, OUTSIDE = range(1, 8)  # 0: no law, a table decides
 CRUMBS = 256  # breadcrumbs kept: 25.6 s of the predecessor's way
+
+LAW = np.dtype(
+    [
+        (
+            "ahead_heading",
+            "f8",
+        ),  # what is known of the predecessor: rad relative to own, m/s, rad/s
+        ("ahead_speed", "f8"),
+        ("ahead_turn", "f8"),
+        ("left", "i8"),  # the last command, steps/s
+        ("right", "i8"),
+        ("integral", "f8"),
+        ("x", "f8"),  # own odometry
+        ("y", "f8"),
+        ("heading", "f8"),
+        ("crumbs", "i8"),
+        ("trail", "f8", (CRUMBS, 2)),
+    ]
+)
+LAW_TASK = (
+    np.dtype(  # steps/s of a wheel; addresses of the user's functions, see formation.functions
+        [
+            ("number", "i8"),
+            ("gain", "f8", (8,)),
+            ("slowest", "f8"),
+            ("fastest", "f8"),
+            ("speed_function", "i8"),
+            ("turn_function", "i8"),
+        ]
+    )
+)
 
 
 @compiled
@@ -51,37 +84,43 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
         follower: FOLLOWER record; its ``state`` is -1 where an episode begins.
         distance, bearing: of the predecessor, m and rad.
     """
-    law = task.law
-    gain = task.gain
+    law = task.law.number
+    gain = task.law.gain
     if law == OUTSIDE:
         return 0, 0
-    if follower.state < 0:
-        follower.integral = 0.0
-        follower.crumbs = 0
-        follower.ox = follower.oy = follower.oh = 0.0
-    error = distance - task.middle
+    if follower.choice.state < 0:
+        follower.law.integral = 0.0
+        follower.law.crumbs = 0
+        follower.law.x = follower.law.y = follower.law.heading = 0.0
+    error = distance - task.bounds.middle
     if law == OWN:
         v, omega = (
-            call_at(task.own_speed, distance, bearing),
-            call_at(task.own_turn, distance, bearing),
+            call_at(task.law.speed_function, distance, bearing),
+            call_at(task.law.turn_function, distance, bearing),
         )
         if not (math.isfinite(v) and math.isfinite(omega)):
-            follower.trouble = 1
-            follower.trouble_at[0] = distance
-            follower.trouble_at[1] = bearing
+            follower.failure.any = 1
+            follower.failure.at[0] = distance
+            follower.failure.at[1] = bearing
             v = omega = 0.0
     elif law == LEADER_FRAME:
         v, omega = leader_frame(
-            distance, bearing, follower.ahead_heading, follower.ahead_speed, error, gain[0], gain[1]
+            distance,
+            bearing,
+            follower.law.ahead_heading,
+            follower.law.ahead_speed,
+            error,
+            gain[0],
+            gain[1],
         )
     elif law == L_PSI:
         v, omega = l_psi(
             distance,
             bearing,
-            follower.ahead_heading,
-            follower.ahead_speed,
-            follower.ahead_turn,
-            task.middle - gain[2],
+            follower.law.ahead_heading,
+            follower.law.ahead_speed,
+            follower.law.ahead_turn,
+            task.bounds.middle - gain[2],
             math.pi,
             gain[2],
             gain[0],
@@ -93,9 +132,9 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
         found = False
         v, omega = _pace(task, follower, error), gain[2] * bearing
         if law == PURSUIT:
-            omega = _pursue(follower, distance, bearing, gain[3] * task.middle, v)
+            omega = _pursue(follower, distance, bearing, gain[3] * task.bounds.middle, v)
         elif law == PATH:
-            found, v_path, omega_path = _follow_path(follower, task.middle, gain)
+            found, v_path, omega_path = _follow_path(follower, task.bounds.middle, gain)
             if found:
                 v, omega = v_path, omega_path
     return _wheels(task, follower, v, omega)
@@ -176,30 +215,35 @@ def _pace(task: Any, follower: Any, error: float) -> float:
     """Return the forward speed of a PI control of the distance, whose integral stops where the
     wheels' range ends.
     """
-    v: float = task.gain[0] * error + task.gain[1] * follower.integral
-    if (v < task.fastest * task.step_m or error < 0.0) and (
-        v > task.slowest * task.step_m or error > 0.0
+    v: float = task.law.gain[0] * error + task.law.gain[1] * follower.law.integral
+    if (v < task.law.fastest * task.motors.step_m or error < 0.0) and (
+        v > task.law.slowest * task.motors.step_m or error > 0.0
     ):
-        follower.integral += error * CONTROL_PERIOD
+        follower.law.integral += error * CONTROL_PERIOD
     return v
 
 
 @compiled
 def _drop_crumb(task: Any, follower: Any, distance: float, bearing: float) -> None:
     """Move the odometry by the last command and note where the predecessor is in it."""
-    if follower.crumbs > 0:
-        left = wheel_speed(follower.left, task.most, task.ticks) * task.step_m
-        right = wheel_speed(follower.right, task.most, task.ticks) * task.step_m
+    if follower.law.crumbs > 0:
+        left = (
+            wheel_speed(follower.law.left, task.motors.most, task.motors.ticks) * task.motors.step_m
+        )
+        right = (
+            wheel_speed(follower.law.right, task.motors.most, task.motors.ticks)
+            * task.motors.step_m
+        )
         v = (left + right) / 2
-        turn = (right - left) / task.track_m * CONTROL_PERIOD
-        middle = follower.oh + turn / 2
-        follower.ox += v * CONTROL_PERIOD * math.cos(middle)
-        follower.oy += v * CONTROL_PERIOD * math.sin(middle)
-        follower.oh += turn
-    crumb = follower.trail[follower.crumbs % CRUMBS]
-    crumb[0] = follower.ox + distance * math.cos(follower.oh + bearing)
-    crumb[1] = follower.oy + distance * math.sin(follower.oh + bearing)
-    follower.crumbs += 1
+        turn = (right - left) / task.motors.track_m * CONTROL_PERIOD
+        middle = follower.law.heading + turn / 2
+        follower.law.x += v * CONTROL_PERIOD * math.cos(middle)
+        follower.law.y += v * CONTROL_PERIOD * math.sin(middle)
+        follower.law.heading += turn
+    crumb = follower.law.trail[follower.law.crumbs % CRUMBS]
+    crumb[0] = follower.law.x + distance * math.cos(follower.law.heading + bearing)
+    crumb[1] = follower.law.y + distance * math.sin(follower.law.heading + bearing)
+    follower.law.crumbs += 1
 
 
 @compiled
@@ -207,11 +251,11 @@ def _pursue(follower: Any, distance: float, bearing: float, look_ahead: float, v
     """Return ω towards the newest breadcrumb within the look-ahead, or towards the predecessor if
     there is none yet.
     """
-    c, s = math.cos(follower.oh), math.sin(follower.oh)
-    for k in range(follower.crumbs - 1, max(0, follower.crumbs - CRUMBS) - 1, -1):
+    c, s = math.cos(follower.law.heading), math.sin(follower.law.heading)
+    for k in range(follower.law.crumbs - 1, max(0, follower.law.crumbs - CRUMBS) - 1, -1):
         dx, dy = (
-            follower.trail[k % CRUMBS, 0] - follower.ox,
-            follower.trail[k % CRUMBS, 1] - follower.oy,
+            follower.law.trail[k % CRUMBS, 0] - follower.law.x,
+            follower.law.trail[k % CRUMBS, 1] - follower.law.y,
         )
         if dx * dx + dy * dy <= look_ahead * look_ahead:
             return pursuit_turn(c * dx + s * dy, c * dy - s * dx, v)
@@ -223,9 +267,9 @@ def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, 
     """Return (found, v, ω) from the reconstructed path; not found while the breadcrumbs do not
     reach d* back.
     """
-    trail = follower.trail
-    newest = follower.crumbs - 1
-    oldest = max(0, follower.crumbs - CRUMBS)
+    trail = follower.law.trail
+    newest = follower.law.crumbs - 1
+    oldest = max(0, follower.law.crumbs - CRUMBS)
     x, y = trail[newest % CRUMBS, 0], trail[newest % CRUMBS, 1]
     place = newest
     nearer = 0.0
@@ -245,11 +289,11 @@ def _follow_path(follower: Any, middle: float, gain: Any) -> tuple[bool, float, 
     speed = math.hypot(vx, vy)
     if speed < 1e-6:
         return False, 0.0, 0.0
-    c, s = math.cos(follower.oh), math.sin(follower.oh)
-    dx, dy = rx - follower.ox, ry - follower.oy
+    c, s = math.cos(follower.law.heading), math.sin(follower.law.heading)
+    dx, dy = rx - follower.law.x, ry - follower.law.y
     along = c * dx + s * dy
     across = c * dy - s * dx
-    heading = wrap(math.atan2(vy, vx) - follower.oh)
+    heading = wrap(math.atan2(vy, vx) - follower.law.heading)
     turn = (vx * ay - vy * ax) / (speed * speed)
     slope = math.sin(heading) / heading if abs(heading) > 1e-9 else 1.0
     v = speed * math.cos(heading) + gain[3] * along
@@ -288,11 +332,13 @@ def _wheels(task: Any, follower: Any, v: float, omega: float) -> tuple[int, int]
     long as possible.
     """
     left, right = (
-        (v - omega * task.track_m / 2) / task.step_m,
-        (v + omega * task.track_m / 2) / task.step_m,
+        (v - omega * task.motors.track_m / 2) / task.motors.step_m,
+        (v + omega * task.motors.track_m / 2) / task.motors.step_m,
     )
-    shift = min(0.0, task.fastest - max(left, right)) + max(0.0, task.slowest - min(left, right))
-    left = min(max(left + shift, task.slowest), task.fastest)
-    right = min(max(right + shift, task.slowest), task.fastest)
-    follower.left, follower.right = int(round(left)), int(round(right))
-    return follower.left, follower.right
+    shift = min(0.0, task.law.fastest - max(left, right)) + max(
+        0.0, task.law.slowest - min(left, right)
+    )
+    left = min(max(left + shift, task.law.slowest), task.law.fastest)
+    right = min(max(right + shift, task.law.slowest), task.law.fastest)
+    follower.law.left, follower.law.right = int(round(left)), int(round(right))
+    return follower.law.left, follower.law.right

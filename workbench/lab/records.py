@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, STEP, TIMED_OUT
+from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
+from workbench.formation.records import PERIOD
 from workbench.formation.reset import FOLLOW, LOST
 from workbench.lab.statistics import best_block, best_cell, moments
 from workbench.lab.storage import plain
@@ -68,12 +69,12 @@ class Recorder:
         self._starts: list[int] = []
         self._samples: list[NDArray[np.void]] = []
         self._sample_starts: list[int] = []
-        self._last: NDArray[np.void] = np.zeros((0, config.followers + 1), STEP)
+        self._last: NDArray[np.void] = np.zeros((0, config.followers + 1), PERIOD)
         self._last_start = 0
 
     def add(self, block: NDArray[np.void], start: int) -> None:
-        """Record one block (periods, followers + 1) of STEP that began after ``start`` updates (or
-        periods).
+        """Record one block (periods, followers + 1) of PERIOD that began after ``start`` updates
+        (or periods).
         """
         block = block[
             : np.count_nonzero(block["phase"][:, 0] >= 0)
@@ -110,7 +111,7 @@ class Recorder:
                 lost among them, and collisions: how often the robot began to touch one in front of
                     it in line (seen once per control period).
             visits: (K, followers, states).
-            samples: (P, followers + 1) of STEP, all sampled blocks one after the other, the last
+            samples: (P, followers + 1) of PERIOD, all sampled blocks one after the other, the last
                 whole block at the end.
             sample_lengths, sample_starts: (M,) periods of each sampled block, updates (periods)
                 before it.
@@ -172,7 +173,7 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
     """Add to counts (followers,) how often each began to touch a robot in front of it in line.
 
     Args:
-        block: (periods, robots) of STEP; before: (0 or 1, robots), the period before it.
+        block: (periods, robots) of PERIOD; before: (0 or 1, robots), the period before it.
         touch: distance between centres in m below which two robots touch.
     """
     robots = block.shape[1]
@@ -201,7 +202,7 @@ def _touching(a: Any, b: Any, touch: float) -> bool:
 
 def sampled_blocks(records: Mapping[str, NDArray[Any]]) -> list[tuple[int, NDArray[np.void]]]:
     """Return the sampled blocks as (updates or periods before it, (periods, followers + 1) of
-    STEP).
+    PERIOD).
     """
     blocks = np.split(records["samples"], np.cumsum(records["sample_lengths"])[:-1])
     return [

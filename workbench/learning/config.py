@@ -5,17 +5,7 @@ The paper gives none of them: all defaults are our choice (see the README's limi
 
 from workbench.fields import choice, configuration, flag, real
 from workbench.learning.behaviour import SCHEDULES
-
-# All but the last are settings of the one kernel. Target policy, ratio ρ and secondary step size of
-# each:
-#   greedy-gq           greedy, ρ = 1/b or 0, β = αη
-#   watkins-q           greedy, ρ = 1 or 0,   β = 0
-#   expected-sarsa      the ε-greedy behaviour itself, ρ = 1, β = 0
-#   qrc                 greedy, ρ = 1/b or 0, β = αη, w regularised (κ = 1); Ghiassian et al. have η
-#                       = 1
-#   true-online-sarsa   the ε-greedy behaviour itself, sampled; its own update
-#                       (workbench.learning.sarsa)
-RULES = ("greedy-gq", "watkins-q", "expected-sarsa", "qrc", "true-online-sarsa")
+from workbench.learning.rules import RULES, SAMPLED
 
 
 @configuration
@@ -23,7 +13,7 @@ class LearnerConfig:
     """Parameters of the learner, by default Greedy-GQ(λ), and of its ε-greedy behaviour."""
 
     rule: str = choice(
-        RULES, "learning rule: the paper's, or one of its rivals", default="greedy-gq"
+        tuple(RULES), "learning rule: the paper's, or one of its rivals", default="greedy-gq"
     )
     alpha: float = real(
         1e-9, 1.0, "", "main step size α, shared out among the tilings", default=0.1
@@ -59,10 +49,10 @@ class LearnerConfig:
     @property
     def beta(self) -> float:
         """Secondary step size: β = αη for rules with a gradient correction, otherwise 0."""
-        return self.alpha * self.eta if self.rule in ("greedy-gq", "qrc") else 0.0
+        return self.alpha * self.eta if RULES[self.rule].corrected else 0.0
 
     def _check(self) -> None:
-        if self.rule == "true-online-sarsa" and not self.buffer:
+        if RULES[self.rule].target == SAMPLED and not self.buffer:
             raise ValueError(
                 "LearnerConfig.buffer = False with rule = 'true-online-sarsa'; Sarsa learns "
                 "after it has chosen its next action, "
@@ -73,7 +63,7 @@ class LearnerConfig:
             if self.epsilon_schedule == "constant"
             else max(self.epsilon, self.epsilon_final)
         )
-        if self.rule not in ("greedy-gq", "qrc"):
+        if not RULES[self.rule].corrected:
             exploring = 0.0  # for the trace: their ρ is at most 1
         if self.gamma * self.lam >= 1.0 - exploring and self.gamma * self.lam > 0:
             raise ValueError(

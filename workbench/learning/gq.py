@@ -2,7 +2,7 @@
 
 ``GQ`` learns with any sparse features and a target policy that the caller knows. ``GreedyGQ`` is
 the control algorithm of the paper: one feature per (state, action) pair, greedy target policy,
-ε-greedy behaviour. ``UpdateBuffer`` is the paper's update buffer (II-D).
+ε-greedy behaviour.
 
 >>> learner = GreedyGQ(states=2, actions=2, alpha=0.5, beta=0.01, gamma=0.9, lam=0.0)
 >>> learner.begin_episode()
@@ -15,13 +15,20 @@ return copies. An object is used by one thread at a time.
 """
 
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.learning.behaviour import choose_action, greedy_action
-from workbench.learning.kernel import clear_trace, gq_update, new_trace
+from workbench.learning.kernel import (
+    Features,
+    Learner,
+    Signal,
+    StepSizes,
+    clear_trace,
+    gq_update,
+    new_trace,
+)
 
 SCHEMA = 2
 State = dict[str, NDArray[np.float64] | NDArray[np.int32] | float | int | str]
@@ -73,6 +80,7 @@ class GQ:
         self._theta = np.full(features, float(theta0))
         self._w = np.zeros(features)
         self._index, self._value, self._slot = new_trace(features)
+        self._learner = Learner(self._theta, self._w, self._index, self._value, self._slot)
         self._n = 0
         self._decay = 0.0
         self.steps = 0
@@ -111,25 +119,15 @@ class GQ:
                 and step sizes.
         """
         self._n, self.delta, w_e = gq_update(
-            self._theta,
-            self._w,
-            self._index,
-            self._value,
-            self._slot,
+            self._learner,
             self._n,
-            *self._features("phi", phi),
-            *self._features("phi_bar", phi_bar),
-            float(reward),
-            float(outcome),
-            float(interest),
-            float(rho),
+            self._features("phi", phi),
+            self._features("phi_bar", phi_bar),
+            Signal(float(reward), float(outcome), float(interest), float(rho)),
             self._decay,
             float(gamma),
             float(lam),
-            self.alpha,
-            self.beta,
-            self.cutoff,
-            self.kappa,
+            StepSizes(self.alpha, self.beta, self.cutoff, self.kappa),
         )
         self._decay = float(gamma) * float(lam)
         self.steps += 1
@@ -139,9 +137,7 @@ class GQ:
                 not_finite(self.steps, self._theta, self._w, self.alpha, self.beta)
             )
 
-    def _features(
-        self, name: str, pairs: tuple[ArrayLike, ArrayLike]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _features(self, name: str, pairs: tuple[ArrayLike, ArrayLike]) -> Features:
         """Return checked index and value arrays: the kernel itself checks nothing."""
         index = np.asarray(pairs[0], np.int64).ravel()
         value = np.asarray(pairs[1], np.float64).ravel()
@@ -155,7 +151,7 @@ class GQ:
                 f"{name} indices are {index.tolist()}; the learner has features 0 to "
                 f"{self._theta.size - 1}"
             )
-        return index, value
+        return Features(index, value)
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -331,58 +327,6 @@ class GreedyGQ(GQ):
         if not 0 <= a < self.actions:
             raise ValueError(f"action {a!r}; the learner has actions 0 to {self.actions - 1}")
         return int(s) * self.actions + int(a)
-
-
-class _Learner(Protocol):
-    def begin_episode(self) -> None: ...
-    def update(self, s: int, a: int, reward: float, s_next: int | None, *, rho: float) -> None: ...
-
-
-class UpdateBuffer:
-    """The paper's update buffer (II-D), depth 1: observations are cached and learned while the next
-    action runs.
-
-    The robot loop is: observe, ``push`` the finished transition, choose and send the next action,
-    ``flush`` while it runs. A terminal needs one extra ``flush``, as no action follows. ``push``
-    learns a transition that is still waiting, so that nothing is lost, and leaving the ``with``
-    block learns the last one.
-
-    >>> learner = GreedyGQ(states=1, actions=1, alpha=0.5, beta=0.0, gamma=0.0, lam=0.0)
-    >>> with UpdateBuffer(learner) as buffer:
-    ...     buffer.push(0, 0, 1.0, None, rho=1.0)
-    ...     before = learner.theta[0, 0]
-    >>> float(before), float(learner.theta[0, 0])
-    (0.0, 0.5)
-    """
-
-    def __init__(self, learner: _Learner) -> None:
-        self.learner = learner
-        self._waiting: tuple[int, int, float, int | None, float] | None = None
-
-    def begin_episode(self) -> None:
-        """Learn what still waits, then clear the learner's trace."""
-        self.flush()
-        self.learner.begin_episode()
-
-    def push(self, s: int, a: int, reward: float, s_next: int | None, *, rho: float) -> None:
-        """Cache a finished transition, with the ρ that was fixed when ``a`` was chosen."""
-        self.flush()
-        self._waiting = (s, a, reward, s_next, rho)
-
-    def flush(self) -> bool:
-        """Learn the waiting transition exactly once; return whether there was one."""
-        if self._waiting is None:
-            return False
-        (s, a, reward, s_next, rho) = self._waiting
-        self._waiting = None
-        self.learner.update(s, a, reward, s_next, rho=rho)
-        return True
-
-    def __enter__(self) -> "UpdateBuffer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.flush()
 
 
 def check_table(states: int, actions: int, gamma: float, lam: float) -> None:

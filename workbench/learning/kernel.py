@@ -26,7 +26,7 @@ Contract: all arrays are written in place and nothing is allocated. The caller k
 calls.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,45 @@ from workbench.compiled import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-Trace = tuple[Ints, Floats, Ints]  # index, value, slot
 
 
-def new_trace(features: int) -> Trace:
-    """Return the arrays of an empty trace over a number of features: index, value, slot, each
-    (features,).
-    """
+class Learner(NamedTuple):
+    """Main and secondary weights, and the sparse trace: index, value, slot, each (features,)."""
+
+    theta: Any
+    w: Any
+    index: Any
+    value: Any
+    slot: Any
+
+
+class Features(NamedTuple):
+    """A sparse feature vector: indices and values of what is not zero."""
+
+    index: Any
+    value: Any
+
+
+class Signal(NamedTuple):
+    """What a transition brings: R_{t+1}, z_{t+1}, I_t and ρ_t."""
+
+    reward: float
+    outcome: float
+    interest: float
+    rho: float
+
+
+class StepSizes(NamedTuple):
+    """Main and secondary step size, magnitude at which trace entries are dropped, κ of QRC(λ)."""
+
+    alpha: float
+    beta: float
+    cutoff: float
+    kappa: float
+
+
+def new_trace(features: int) -> tuple[Ints, Floats, Ints]:
+    """Return the arrays of an empty trace over a number of features: index, value, slot."""
     return np.zeros(features, np.int32), np.zeros(features), np.full(features, -1, np.int32)
 
 
@@ -54,10 +86,13 @@ def clear_trace(index: Any, slot: Any, n: int) -> int:
 
 
 @compiled
-def decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutoff: float) -> int:
+def decay_trace(learner: Any, n: int, factor: float, cutoff: float) -> int:
     """Multiply a trace of n entries by a factor, drop what becomes too small, and return its new
     length.
     """
+    index = learner.index
+    value = learner.value
+    slot = learner.slot
     if factor == 0.0:
         return clear_trace(index, slot, n)
     k = 0
@@ -76,95 +111,83 @@ def decay_trace(index: Any, value: Any, slot: Any, n: int, factor: float, cutoff
 
 
 @compiled
-def add_to_trace(
-    index: Any, value: Any, slot: Any, n: int, phi: Any, phi_value: Any, factor: float
-) -> int:
+def add_to_trace(learner: Any, n: int, phi: Any, factor: float) -> int:
     """Add factor times a feature vector to a trace of n entries and return its new length."""
-    for k in range(phi.size):
-        place = slot[phi[k]]
+    index = learner.index
+    value = learner.value
+    slot = learner.slot
+    for k in range(phi.index.size):
+        feature = phi.index[k]
+        place = slot[feature]
         if place < 0:
-            index[n] = phi[k]
-            value[n] = factor * phi_value[k]
-            slot[phi[k]] = n
+            index[n] = feature
+            value[n] = factor * phi.value[k]
+            slot[feature] = n
             n += 1
         else:
-            value[place] += factor * phi_value[k]
+            value[place] += factor * phi.value[k]
     return n
 
 
 @compiled
 def gq_update(
-    theta: Any,
-    w: Any,
-    index: Any,
-    value: Any,
-    slot: Any,
+    learner: Any,
     n: int,
     phi: Any,
-    phi_value: Any,
     bar: Any,
-    bar_value: Any,
-    reward: float,
-    outcome: float,
-    interest: float,
-    rho: float,
+    signal: Any,
     decay: float,
     gamma_tp1: float,
     lam_tp1: float,
-    alpha: float,
-    beta: float,
-    cutoff: float,
-    kappa: float = 0.0,
+    sizes: Any,
 ) -> tuple[int, float, float]:
     """Learn one transition in place.
 
     Args:
-        theta, w: (features,) main and secondary weights.
-        index, value, slot, n: the sparse trace, see ``new_trace``.
-        phi, phi_value: active features of (S_t, A_t) and their values.
-        bar, bar_value: the same for φ̄_{t+1}; empty at a terminal.
-        reward, outcome, interest: R_{t+1}, z_{t+1}, I_t.
-        rho: importance ratio π/b of A_t, fixed at the moment of choice.
+        learner: of type Learner: main and secondary weights, and the sparse trace; n: its length.
+        phi: of type Features: active features of (S_t, A_t) and their values.
+        bar: the same for φ̄_{t+1}; empty at a terminal.
+        signal: of type Signal: R_{t+1}, z_{t+1}, I_t, and ρ of A_t, fixed at the moment of choice.
         decay: γ_t λ_t of S_t, that is the previous transition's γ' λ'.
         gamma_tp1, lam_tp1: γ' and λ' of S_{t+1}.
-        alpha, beta: main and secondary step size.
-        cutoff: magnitude at or below which trace entries are dropped.
-        kappa: regularisation κ of w: 0 for GQ(λ), 1 for QRC(λ).
+        sizes: of type StepSizes.
 
     Returns:
         (n, δ_t, w·e_t): the trace's new length, the temporal-difference error and the correction's
         factor.
     """
+    theta = learner.theta
+    w = learner.w
+    index = learner.index
+    value = learner.value
     # δ_t and w·φ, with the weights of this moment
-    delta = reward + (1.0 - gamma_tp1) * outcome
-    for k in range(bar.size):
-        delta += gamma_tp1 * theta[bar[k]] * bar_value[k]
+    delta = signal.reward + (1.0 - gamma_tp1) * signal.outcome
+    for k in range(bar.index.size):
+        delta += gamma_tp1 * theta[bar.index[k]] * bar.value[k]
     w_phi = 0.0
-    for k in range(phi.size):
-        delta -= theta[phi[k]] * phi_value[k]
-        w_phi += w[phi[k]] * phi_value[k]
-
+    for k in range(phi.index.size):
+        delta -= theta[phi.index[k]] * phi.value[k]
+        w_phi += w[phi.index[k]] * phi.value[k]
     # e_t = ρ γ λ e_{t-1} + I φ
-    n = decay_trace(index, value, slot, n, rho * decay, cutoff)
-    n = add_to_trace(index, value, slot, n, phi, phi_value, interest)
-
+    n = decay_trace(learner, n, signal.rho * decay, sizes.cutoff)
+    n = add_to_trace(learner, n, phi, signal.interest)
     # w·e, before w moves: the correction below is with the old w
     w_e = 0.0
     for k in range(n):
         w_e += w[index[k]] * value[k]
     # the regularisation of QRC(λ), over all of w
-    if kappa > 0.0:
-        shrink = 1.0 - beta * kappa
+    if sizes.kappa > 0.0:
+        shrink = 1.0 - sizes.beta * sizes.kappa
         for k in range(w.size):
             w[k] *= shrink
     # both weights follow the trace
     for k in range(n):
-        theta[index[k]] += alpha * delta * value[k]
-        w[index[k]] += beta * delta * value[k]
+        theta[index[k]] += sizes.alpha * delta * value[k]
+        w[index[k]] += sizes.beta * delta * value[k]
     # gradient correction of θ along φ̄, and of w along φ
-    correction = alpha * gamma_tp1 * (1.0 - lam_tp1) * w_e
-    for k in range(bar.size):
-        theta[bar[k]] -= correction * bar_value[k]
-    for k in range(phi.size):
-        w[phi[k]] -= beta * w_phi * phi_value[k]
+    correction = sizes.alpha * gamma_tp1 * (1.0 - lam_tp1) * w_e
+    for k in range(bar.index.size):
+        theta[bar.index[k]] -= correction * bar.value[k]
+    for k in range(phi.index.size):
+        w[phi.index[k]] -= sizes.beta * w_phi * phi.value[k]
     return n, delta, w_e

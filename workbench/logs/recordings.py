@@ -167,10 +167,10 @@ class Recorder:
             row += [-1, -1, 1.0, 0]
         else:
             record = follower.record
-            following = record["state"] >= 0
+            following = record["choice"]["state"] >= 0
             row += [
-                record["state"],
-                record["action"] if following else -1,
+                record["choice"]["state"],
+                record["choice"]["action"] if following else -1,
                 follower.probability,
                 follower.step["phase"],
             ]

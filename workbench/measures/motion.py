@@ -75,7 +75,7 @@ class Motion:
     def of_steps(
         cls, steps: NDArray[np.void], track: Track | None = None, robot: RobotConfig = EPUCK
     ) -> "Motion":
-        """Return the motion in step records, (T, robots) of type ``formation.follower.STEP``."""
+        """Return the motion in step records, (T, robots) of type ``formation.records.PERIOD``."""
         position = np.stack([steps["x"], steps["y"]], axis=-1).astype(np.float64)
         command = np.stack([steps["left"], steps["right"]], axis=-1).astype(np.float64)
         heading = np.unwrap(steps["heading"].astype(np.float64), axis=0)

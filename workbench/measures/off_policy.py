@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 from workbench.formation.config import INFRARED, ConvoyConfig
-from workbench.formation.follower import FOLLOWER, reward_at, sense_cells
+from workbench.formation.follower import reward_at, sense_cells
 from workbench.formation.policy import Policy
+from workbench.formation.records import ROBOT
 from workbench.formation.senses.infrared import UNSEEN, look
 from workbench.formation.task import fill_task
 from workbench.learning.gq import GreedyGQ
@@ -67,15 +68,16 @@ class Log:
 def _perceive(task: Any, robot: Any, readings: Any, light: Any, states: Any, rewards: Any) -> None:
     for t in range(readings.shape[0]):
         for k in range(readings.shape[1]):
-            robot[0].prox[k] = readings[t, k]
-            robot[0].headroom[k] = light[t, k]
+            robot[0].infrared.readings[k] = readings[t, k]
+            robot[0].infrared.headroom[k] = light[t, k]
         distance, bearing = look(task[0], robot[0])
+        e_d = distance - task[0].bounds.middle
         states[t] = -1
-        rewards[t] = task[0].terminal_reward
+        rewards[t] = task[0].reward.terminal
         if distance < UNSEEN:
-            states[t] = sense_cells(task[0], robot[0], distance - task[0].middle, bearing)
+            states[t] = sense_cells(task[0], robot[0], e_d, bearing)
         if states[t] >= 0:
-            rewards[t] = reward_at(task[0], robot[0], distance - task[0].middle, bearing)
+            rewards[t] = reward_at(task[0], robot[0], e_d, bearing)
 
 
 def perceive(
@@ -106,7 +108,7 @@ def perceive(
     )
     if ambient.shape != seen.shape or not np.all(np.isfinite(ambient)):
         raise ValueError(f"light has shape {ambient.shape}; expected {seen.shape}, finite counts")
-    _perceive(fill_task(config, 0), np.zeros(1, FOLLOWER), seen, ambient, states, rewards)
+    _perceive(fill_task(config, 0), np.zeros(1, ROBOT), seen, ambient, states, rewards)
     return states, rewards
 
 

@@ -305,7 +305,7 @@ def trails(
     """Draw the driven paths of all robots.
 
     Args:
-        samples: (periods, robots) of STEP, as sampled blocks are.
+        samples: (periods, robots) of PERIOD, as sampled blocks are.
         line: (P, 2) the line on the floor, m.
         names: one name per robot.
     """

@@ -18,7 +18,8 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation.body import BodyConfig
 from workbench.formation.config import INFRARED, SETTINGS, TILINGS, ConvoyConfig
 from workbench.lab.trial import CONTROLLERS, Trial, measure, measure_sections, measure_widely
-from workbench.learning.config import PRESETS, RULES, LearnerConfig
+from workbench.learning.config import PRESETS, LearnerConfig
+from workbench.learning.rules import RULES
 from workbench.robot.infrared import InfraredConfig
 from workbench.studies.camera_trials import measure_camera
 from workbench.studies.infrared_trials import measure_infrared

@@ -14,8 +14,7 @@ seconds.
 """
 
 import math
-from dataclasses import fields as names_of
-from dataclasses import replace
+from dataclasses import fields as names_of, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +78,7 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
 
 def true_errors(steps: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return true distance in m and bearing in rad of every follower's predecessor, (periods,
-    followers), from STEP records.
+    followers), from PERIOD records.
     """
     x, y, heading = (steps[name].astype(float) for name in ("x", "y", "heading"))
     dx, dy = x[:, :-1] - x[:, 1:], y[:, :-1] - y[:, 1:]
@@ -103,7 +102,7 @@ def recoveries(events: NDArray[np.int16], following: NDArray[np.bool_]) -> tuple
     ten seconds do not count.
 
     Args:
-        events: (periods, followers) of STEP.event.
+        events: (periods, followers) of PERIOD.event.
         following: (periods, followers), whether a follower follows, truly inside its working range.
     """
     recovered = losses = 0
@@ -141,7 +140,7 @@ def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, fl
                 *follower.decide(robot.get_proximity(), robot.get_light_sensor())
             )
             return bool(
-                follower.record["phase"] == FOLLOW
+                follower.record["reset"]["phase"] == FOLLOW
                 and within(config, *map(np.asarray, robot.true_errors()))
             )
 

@@ -91,10 +91,10 @@ class Driver:
         self._robot.set_motors_speed(
             *follower.decide(self._robot.get_proximity(), self._robot.get_light_sensor())
         )
-        state = int(follower.record["state"])
+        state = int(follower.record["choice"]["state"])
         return (
             state,
-            int(follower.record["action"]) if state >= 0 else -1,
+            int(follower.record["choice"]["action"]) if state >= 0 else -1,
             follower.probability,
             float(follower.step["reward"]),
         )

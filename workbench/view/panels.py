@@ -57,8 +57,7 @@ def panel(draw: Draw, **controls: Slider | Choice) -> Any:
     }
     if paths.STATIC:
         return _picture(draw, first)
-    from ipywidgets import HTML, VBox
-    from ipywidgets import Image as Shown
+    from ipywidgets import HTML, Image as Shown, VBox
 
     parts = {name: _widget(name, control) for name, control in controls.items()}
     shown = Shown(format="png", value=_picture(draw, first).data, layout={"max_width": "700px"})

@@ -384,14 +384,14 @@ class LiveScene:
         frame = np.zeros((len(robots), len(FIELDS)), np.float32)
         for name in ("x", "y", "heading", "phase", "left", "right"):
             frame[:, FIELDS.index(name)] = steps[name]
-        frame[1:, 3] = np.minimum(robots["seen_distance"][1:], 10.0)
-        frame[1:, 4] = robots["seen_bearing"][1:]
-        frame[:, 5] = np.where(steps["phase"] == 0, robots["state"], -1)
+        frame[1:, 3] = np.minimum(robots["seen"]["distance"][1:], 10.0)
+        frame[1:, 4] = robots["seen"]["bearing"][1:]
+        frame[:, 5] = np.where(steps["phase"] == 0, robots["choice"]["state"], -1)
         frame[0, 5] = -1
-        if not self.convoy.task["infrared"][0]:
+        if not self.convoy.task["infrared"]["sees"][0]:
             for i in range(1, len(robots)):
                 sense(self.convoy.task, robots, i, self._noise.standard_normal(SENSORS))
-        frame[:, 9:] = robots["prox"]
+        frame[:, 9:] = robots["infrared"]["readings"]
         return frame
 
     def save_drive(self, path: str | Path) -> Path:

@@ -14,11 +14,11 @@ from workbench.arena.camera.config import CameraConfig
 from workbench.arena.camera.frames import Frames
 from workbench.arena.camera.markers import Finder, pictures
 from workbench.arena.camera.optics import MARKER_HEIGHT, Camera
-from workbench.arena.camera.tracker import LONGEST_GAP, bias_at, track
+from workbench.arena.camera.tracker import LONGEST_GAP, bias_at, follow_marker
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import FOLLOWER
 from workbench.formation.policy import Policy
+from workbench.formation.records import ROBOT
 from workbench.formation.senses.camera import UNSEEN
 from workbench.lab.runs import learn
 from workbench.studies.camera_trials import followed
@@ -29,7 +29,7 @@ CONFIG = CameraConfig()
 
 @njit
 def _track(robot, found, x, y, heading):
-    track(robot[0], found, x, y, heading, 0.1)
+    follow_marker(robot[0].camera, found, x, y, heading, 0.1)
 
 
 def test_projection_and_its_inverse_agree_through_tilt_and_distortion():
@@ -92,23 +92,27 @@ def test_the_bias_table_is_what_noiseless_corners_would_be_taken_for():
 
 
 def test_the_tracker_fills_short_gaps_with_the_motion_and_gives_up_after_half_a_second():
-    robot = np.zeros(1, FOLLOWER)
+    robot = np.zeros(1, ROBOT)
     _track(robot, False, 0.0, 0.0, 0.0)
-    assert not robot["tracked"][0]
+    assert not robot["camera"]["tracked"][0]
     angle = 0.0
     for step in range(5):  # an arc: 10 mm and 0.1 rad per period
         angle = 0.1 * step
         _track(robot, True, 0.1 * math.sin(angle), 0.1 * (1 - math.cos(angle)), angle)
     for gap in range(1, LONGEST_GAP + 1):
         _track(robot, False, 0.0, 0.0, 0.0)
-        assert robot["tracked"][0] and robot["missed"][0] == gap
+        assert robot["camera"]["tracked"][0] and robot["camera"]["missed"][0] == gap
         expected = angle + 0.1 * gap
         place = (0.1 * math.sin(expected), 0.1 * (1 - math.cos(expected)))
-        assert math.dist((robot["mx"][0], robot["my"][0]), place) < 0.003
+        assert math.dist((robot["camera"]["x"][0], robot["camera"]["y"][0]), place) < 0.003
     _track(robot, False, 0.0, 0.0, 0.0)
-    assert not robot["tracked"][0]
+    assert not robot["camera"]["tracked"][0]
     _track(robot, True, 0.5, 0.5, 1.0)
-    assert robot["tracked"][0] and robot["missed"][0] == 0 and robot["mv"][0] == 0.0
+    assert (
+        robot["camera"]["tracked"][0]
+        and robot["camera"]["missed"][0] == 0
+        and robot["camera"]["speed"][0] == 0.0
+    )
 
 
 def test_pictures_of_a_folder_go_through_the_same_code(tmp_path):
@@ -157,11 +161,11 @@ def test_sensed_poses_of_model_and_pixels_have_the_same_errors(conditions):
             rows.append(
                 [
                     (
-                        r["mx"] - r["x"],
-                        r["my"] - r["y"],
-                        math.atan2(r["ms"], r["mc"]) - math.atan2(r["s"], r["c"]),
+                        seen["x"] - true["x"],
+                        seen["y"] - true["y"],
+                        math.atan2(seen["sin"], seen["cos"]) - math.atan2(true["sin"], true["cos"]),
                     )
-                    for r in convoy.robots[0, :2]
+                    for seen, true in convoy.robots[["camera", "pose"]][0, :2]
                 ]
             )
             convoy.world.step()
@@ -186,7 +190,7 @@ def test_a_camera_that_shows_nothing_puts_the_predecessor_out_of_sight():
     )
     convoy = Convoy(config, [1], periods=10, policy=np.zeros((1, 81, 49)), external=1)
     convoy.period(0)
-    assert convoy.robots[0, 1]["seen_distance"] == UNSEEN
+    assert convoy.robots[0, 1]["seen"]["distance"] == UNSEEN
 
 
 def test_dropouts_are_bridged(policy):

@@ -12,7 +12,8 @@ from workbench.arena.camera.config import CameraConfig
 from workbench.arena.proximity import add_box
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.follower import BLINDED, FOLLOWER, LOSS
+from workbench.formation.follower import BLINDED, LOSS
+from workbench.formation.records import ROBOT
 from workbench.formation.reset import FOLLOW, LOST, drive_on
 from workbench.formation.simulated import SimulatedRobot, sense
 from workbench.formation.solo import SoloFollower, drive
@@ -256,13 +257,13 @@ def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_s
         ),
     )
     task = fill_task(config, 0)
-    robots = np.zeros(2, FOLLOWER)
-    robots["c"] = 1.0
-    robots["gain"] = 1.0
-    robots[0]["x"] = 0.105
-    robots[1]["turn"] = turn
-    robots[1]["speed"] = 0.06
-    robots[0]["speed"] = 0.05
+    robots = np.zeros(2, ROBOT)
+    robots["pose"]["cos"] = 1.0
+    robots["infrared"]["gain"] = 1.0
+    robots[0]["pose"]["x"] = 0.105
+    robots[1]["motion"]["turn"] = turn
+    robots[1]["motion"]["speed"] = 0.06
+    robots[0]["motion"]["speed"] = 0.05
     sense(task, robots, 1, np.zeros(8))
     for k in range(8):
         age = config.infrared.age_s + (3 - k % 4) * SLOT
@@ -279,8 +280,10 @@ def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_s
             np.array([0.105 - 0.05 * age]),
             np.zeros(1),
             1,
-            float(task["ir_radius"][0]),
-            float(task["ir_strength"][0]),
+            float(task["infrared"]["radius"][0]),
+            float(task["infrared"]["strength"][0]),
             0,
         )
-        assert robots[1]["prox"][k] == pytest.approx(saturate(light, 4000.0), abs=0.8, rel=0.02)
+        assert robots[1]["infrared"]["readings"][k] == pytest.approx(
+            saturate(light, 4000.0), abs=0.8, rel=0.02
+        )

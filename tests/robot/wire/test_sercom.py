@@ -6,8 +6,7 @@ import struct
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot

@@ -12,48 +12,69 @@ Contract: compiled; writes the robot's record: ``mx, my, mc, ms`` the pose, ``mv
 import math
 from typing import Any
 
+import numpy as np
+
 from workbench.compiled import compiled
+
+TRACK = np.dtype(  # pose in m, its motion, the pose when last found, periods since, whether any
+    [
+        ("x", "f8"),
+        ("y", "f8"),
+        ("cos", "f8"),
+        ("sin", "f8"),
+        ("speed", "f8"),
+        ("turn", "f8"),
+        ("found_x", "f8"),
+        ("found_y", "f8"),
+        ("found_cos", "f8"),
+        ("found_sin", "f8"),
+        ("missed", "i8"),
+        ("tracked", "i8"),
+    ]
+)
 
 LONGEST_GAP = 5  # control periods
 
 
 @compiled
-def track(robot: Any, found: bool, x: float, y: float, heading: float, dt: float) -> None:
+def follow_marker(track: Any, found: bool, x: float, y: float, heading: float, dt: float) -> None:
     """Advance a robot's track by one control period of dt s, with its marker found at x, y (m),
     heading (rad), or not.
     """
     if found:
         c, s = math.cos(heading), math.sin(heading)
-        robot.mv = robot.mw = 0.0
-        if robot.tracked:
-            span = dt * (robot.missed + 1)
-            turned = math.atan2(s * robot.sc - c * robot.ss, c * robot.sc + s * robot.ss)
+        track.speed = track.turn = 0.0
+        if track.tracked:
+            span = dt * (track.missed + 1)
+            turned = math.atan2(
+                s * track.found_cos - c * track.found_sin, c * track.found_cos + s * track.found_sin
+            )
             middle = heading - turned / 2
-            robot.mv = (
-                (x - robot.sx) * math.cos(middle) + (y - robot.sy) * math.sin(middle)
+            track.speed = (
+                (x - track.found_x) * math.cos(middle) + (y - track.found_y) * math.sin(middle)
             ) / span
-            robot.mw = turned / span
-        robot.sx = x
-        robot.sy = y
-        robot.sc = c
-        robot.ss = s
-        robot.mx = x
-        robot.my = y
-        robot.mc = c
-        robot.ms = s
-        robot.missed = 0
-        robot.tracked = 1
+            track.turn = turned / span
+        track.found_x = x
+        track.found_y = y
+        track.found_cos = c
+        track.found_sin = s
+        track.x = x
+        track.y = y
+        track.cos = c
+        track.sin = s
+        track.missed = 0
+        track.tracked = 1
         return
-    robot.missed += 1
-    if robot.missed > LONGEST_GAP:
-        robot.tracked = 0
+    track.missed += 1
+    if track.missed > LONGEST_GAP:
+        track.tracked = 0
         return
-    heading = math.atan2(robot.ms, robot.mc)
-    turned = robot.mw * dt
-    robot.mx += robot.mv * math.cos(heading + turned / 2) * dt  # along the arc's chord
-    robot.my += robot.mv * math.sin(heading + turned / 2) * dt
-    robot.mc = math.cos(heading + turned)
-    robot.ms = math.sin(heading + turned)
+    heading = math.atan2(track.sin, track.cos)
+    turned = track.turn * dt
+    track.x += track.speed * math.cos(heading + turned / 2) * dt  # along the arc's chord
+    track.y += track.speed * math.sin(heading + turned / 2) * dt
+    track.cos = math.cos(heading + turned)
+    track.sin = math.sin(heading + turned)
 
 
 @compiled

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.camera.tracker import bias_at, track
+from workbench.arena.camera.tracker import bias_at, follow_marker
 from workbench.arena.world import World
 from workbench.compiled import compiled
 from workbench.formation.senses.infrared import UNSEEN
@@ -33,6 +33,17 @@ if TYPE_CHECKING:
 # of TASK.camera
 MODEL = 1
 PIXELS = 2
+
+CAMERA = np.dtype(  # seconds, control periods, share, spreads, rectangle seen
+    [
+        ("mode", "i8"),
+        ("latency", "f8"),
+        ("every", "i8"),
+        ("missed", "f8"),
+        ("noise", "f8", (4,)),
+        ("window", "f8", (4,)),
+    ]
+)
 
 
 @compiled
@@ -48,23 +59,26 @@ def camera_pose(
         normal: (3,) standard normal numbers; u: a uniform number in [0, 1).
         shown: whether there is a picture in this period.
     """
-    if task.camera == PIXELS:
-        track(robot, sight[3] > 0.5, sight[0], sight[1], sight[2], CONTROL_PERIOD)
+    if task.camera.mode == PIXELS:
+        follow_marker(robot.camera, sight[3] > 0.5, sight[0], sight[1], sight[2], CONTROL_PERIOD)
         return
-    age = task.cam_latency
-    x, y = robot.x - age * robot.speed * robot.c, robot.y - age * robot.speed * robot.s
-    heading = math.atan2(robot.s, robot.c) - age * robot.turn
-    view = task.cam_view
-    found = shown and u >= task.cam_missed and view[0] < x < view[1] and view[2] < y < view[3]
+    age = task.camera.latency
+    x, y = (
+        robot.pose.x - age * robot.motion.speed * robot.pose.cos,
+        robot.pose.y - age * robot.motion.speed * robot.pose.sin,
+    )
+    heading = math.atan2(robot.pose.sin, robot.pose.cos) - age * robot.motion.turn
+    view = task.camera.window
+    found = shown and u >= task.camera.missed and view[0] < x < view[1] and view[2] < y < view[3]
     if found:
         dx, dy, turn = bias_at(lens, view, x, y)
         r2 = x * x + y * y
-        spread = task.cam_noise[0] + task.cam_noise[1] * r2
-        sway = task.cam_noise[2] + task.cam_noise[3] * r2
+        spread = task.camera.noise[0] + task.camera.noise[1] * r2
+        sway = task.camera.noise[2] + task.camera.noise[3] * r2
         x = x + dx + spread * normal[0]
         y = y + dy + spread * normal[1]
         heading = heading + turn + sway * normal[2]
-    track(robot, found, x, y, heading, CONTROL_PERIOD)
+    follow_marker(robot.camera, found, x, y, heading, CONTROL_PERIOD)
 
 
 @compiled
@@ -72,9 +86,16 @@ def observe_tracked(robot: Any, ahead: Any) -> tuple[float, float]:
     """Return distance in m and bearing in rad of the robot ahead by the tracked poses, UNSEEN if
     one is nowhere.
     """
-    if not (robot.tracked and ahead.tracked):
+    if not (robot.camera.tracked and ahead.camera.tracked):
         return UNSEEN, 0.0
-    return observe(robot.mx, robot.my, robot.mc, robot.ms, ahead.mx, ahead.my)
+    return observe(
+        robot.camera.x,
+        robot.camera.y,
+        robot.camera.cos,
+        robot.camera.sin,
+        ahead.camera.x,
+        ahead.camera.y,
+    )
 
 
 class Eyes:
@@ -123,16 +144,19 @@ class Eyes:
             return
         age = self._config.latency_s
         past = poses.copy()
-        past[:, 0] -= age * robots["speed"] * np.cos(poses[:, 2])
-        past[:, 1] -= age * robots["speed"] * np.sin(poses[:, 2])
-        past[:, 2] -= age * robots["turn"]
+        past[:, 0] -= age * robots["motion"]["speed"] * np.cos(poses[:, 2])
+        past[:, 1] -= age * robots["motion"]["speed"] * np.sin(poses[:, 2])
+        past[:, 2] -= age * robots["motion"]["turn"]
         hidden = self._hidden.random(len(poses)) < self._config.dropout
         self.frame = self.frames.frame(past, hidden)
-        ahead = robots["mv"] * CONTROL_PERIOD
-        x, y = robots["mx"] + ahead * robots["mc"], robots["my"] + ahead * robots["ms"]
+        ahead = robots["camera"]["speed"] * CONTROL_PERIOD
+        x, y = (
+            robots["camera"]["x"] + ahead * robots["camera"]["cos"],
+            robots["camera"]["y"] + ahead * robots["camera"]["sin"],
+        )
         expected = {
             number: (float(x[number]), float(y[number]), 0.0)
-            for number in np.flatnonzero(robots["tracked"]).tolist()
+            for number in np.flatnonzero(robots["camera"]["tracked"]).tolist()
         }
         for number, pose in self.finder.find(self.frame, expected).items():
             sights[number] = (*pose, 1.0)

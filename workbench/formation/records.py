@@ -1,0 +1,139 @@
+"""The records of the compiled loop, put together from the parts that each concern declares itself.
+
+    ROBOT   one robot: pose, motion, what it has seen, and the parts of reset, learning, infrared,
+            camera, body, law and ground sensors
+    TASK    what all robots of a convoy have in common: tiles, bounds, reward, learner, motors …
+    CHANCE  one robot's random numbers of one control period, drawn in advance
+    PERIOD  what one robot did in one control period: what a run is reduced from
+
+Fields are words: ``robot.camera.x``, ``robot.waiting.reward``, ``chance.slip``. A part is read and
+written by the module that declares it.
+
+>>> ROBOT["reset"].names, CHANCE["slip"].shape
+(('phase', 'timer'), (2,))
+
+Contract: equal records are equal bytes; a PERIOD has no padding. Units are SI, commands in steps/s.
+"""
+
+import numpy as np
+
+from workbench.arena.camera.tracker import TRACK
+from workbench.arena.world import MOTORS
+from workbench.formation.body import BODY, BODY_TASK
+from workbench.formation.follower import (
+    BOUNDS,
+    CHOICE,
+    FAILURE,
+    GRID,
+    LEARNER,
+    LEARNING,
+    REWARD,
+    WAITING,
+)
+from workbench.formation.leader import GROUND, LEADER
+from workbench.formation.reset import RESET, SEARCHING
+from workbench.formation.senses.camera import CAMERA
+from workbench.formation.senses.infrared import INFRARED, PERCEPTION
+from workbench.formation.steering import LAW, LAW_TASK
+from workbench.robot.infrared import SENSORS
+
+POSE = np.dtype([("x", "f8"), ("y", "f8"), ("cos", "f8"), ("sin", "f8")])  # m; of the heading
+MOTION = np.dtype(  # over the last control period, along the heading: m/s, rad/s; and from where
+    [
+        ("speed", "f8"),
+        ("turn", "f8"),
+        ("from_x", "f8"),
+        ("from_y", "f8"),
+        ("from_cos", "f8"),
+        ("from_sin", "f8"),
+    ]
+)
+SEEN = np.dtype(  # the robot in front, m and rad; a reading since the start; none arrives now
+    [("distance", "f8"), ("bearing", "f8"), ("heard", "i8"), ("silent", "i8")]
+)
+COMMAND = np.dtype([("left", "i8"), ("right", "i8")])  # the last one, whole steps/s
+
+ROBOT = np.dtype(
+    [
+        ("pose", POSE),
+        ("motion", MOTION),
+        ("seen", SEEN),
+        ("command", COMMAND),
+        ("reset", RESET),
+        ("choice", CHOICE),
+        ("waiting", WAITING),
+        ("learning", LEARNING),
+        ("law", LAW),
+        ("ground", GROUND),
+        ("infrared", INFRARED),
+        ("camera", TRACK),
+        ("body", BODY),
+        ("failure", FAILURE),
+    ],
+    align=True,
+)
+
+NOISE = np.dtype([("any", "i8"), ("distance", "f8"), ("bearing", "f8")])  # spreads in m, rad
+RUN = np.dtype(  # whether a loss restarts; whether commands wait; who is driven from outside
+    [("restart", "i8"), ("delayed", "i8"), ("external", "i8")]
+)
+
+TASK = np.dtype(
+    [
+        ("grid", GRID),
+        ("bounds", BOUNDS),
+        ("reward", REWARD),
+        ("learner", LEARNER),
+        ("motors", MOTORS),
+        ("leader", LEADER),
+        ("search", SEARCHING),
+        ("noise", NOISE),
+        ("law", LAW_TASK),
+        ("infrared", PERCEPTION),
+        ("camera", CAMERA),
+        ("body", BODY_TASK),
+        ("run", RUN),
+    ],
+    align=True,
+)
+
+CHANCE = np.dtype(  # normal numbers, but for those in [0, 1): explore, hidden, silence
+    [
+        ("ground", "f8", (3,)),
+        ("explore", "f8"),
+        ("noise", "f8", (2,)),
+        ("infrared", "f8", (SENSORS,)),
+        ("camera", "f8", (3,)),
+        ("hidden", "f8"),
+        ("slip", "f8", (2,)),
+        ("silence", "f8"),
+    ]
+)
+
+PERIOD = np.dtype(
+    [
+        ("x", "f4"),
+        ("y", "f4"),
+        ("heading", "f4"),
+        ("distance_error", "f4"),  # at S_t, m and rad; R_{t+1}
+        ("bearing", "f4"),
+        ("reward", "f4"),
+        ("state", "i2"),  # S_t, A_t of a transition that finished now, or -1
+        ("action", "i2"),
+        ("left", "i2"),  # command in steps/s
+        ("right", "i2"),
+        ("phase", "i2"),
+        ("event", "i2"),
+    ]
+)
+
+FORMATION = np.dtype(  # one formation's counters
+    [
+        ("updates", "i8"),
+        ("budget", "i8"),
+        ("periods", "i8"),
+        ("last_period", "i8"),
+        ("done", "i8"),
+        ("restart", "i8"),
+    ]
+)
