@@ -1,6 +1,8 @@
 """The command line and the package as a user meets them."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 
@@ -273,3 +275,41 @@ def test_the_readme_s_examples_of_playing_and_of_ones_own_run():
     for mark in ("wb.play(", "wb.ConvoyEnv("):
         quick = _example(mark).replace("100_000", "3_000").replace("minutes=10", "minutes=1")
         exec(compile(quick, "README example", "exec"), {})  # noqa: S102
+
+
+def test_a_tilde_behind_an_equals_sign_is_the_home(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["learn", *FAST, "--out=~/runs/a"]) == 0
+    assert (tmp_path / "home" / "runs" / "a" / "summary.json").is_file()
+    assert wb.load_run("~/runs/a").length == 3000 and not (tmp_path / "~").exists()
+
+
+@pytest.mark.parametrize("verb", [["--help"], ["learn", "--help"], ["study", "list"]])
+def test_a_terminal_without_these_letters_gets_others(verb):
+    command = [sys.executable, "-m", "workbench", *verb]
+    environment = os.environ | {"PYTHONIOENCODING": "cp1252"}
+    done = subprocess.run(command, capture_output=True, env=environment, check=False)
+    assert done.returncode == 0 and done.stdout and not done.stderr
+
+
+def test_nobody_who_reads_on_is_no_error():
+    command = f"{sys.executable} -m workbench study list | head -1"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert done.stdout.count("\n") == 1 and not done.stderr
+
+
+def test_being_told_to_end_is_an_interruption(tmp_path):
+    command = [sys.executable, "-m", "workbench", "learn", "--drive", "planar"]
+    command += ["--steps", "100000000", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+        while not (tmp_path / "run" / "config.json").is_file():
+            assert child.poll() is None
+        child.send_signal(signal.SIGTERM)
+        said = child.communicate()[1]
+    assert child.returncode == 130 and "interrupted: what is finished is stored" in said
+
+
+def test_unknown_flags_are_refused_with_a_hint(capsys):
+    assert main(["learn", "--outt", "x"]) == 2
+    assert "No such option" in capsys.readouterr().err

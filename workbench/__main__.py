@@ -1,353 +1,205 @@
-"""The command line: ``python -m workbench VERB``. Thin: it reads flags, calls the package and
-prints.
+"""The command line: ``python -m workbench VERB``. Thin: one function a verb, which reads flags,
+calls the package and prints. What a verb needs is imported when it is called.
 
 The last line of every verb is one JSON object.
 """
 
-import argparse
+import importlib
 import json
+import os
 import signal
 import sys
 import time
-from contextlib import ExitStack
-from dataclasses import fields as dataclass_fields, is_dataclass
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from workbench import fields
-from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import SENSING, SETTINGS, ConvoyConfig
-from workbench.formation.laws import LAWS, Controller
-from workbench.lab.storage import plain
-from workbench.learning.config import LearnerConfig
+import click
+
 from workbench.robot.faults import RobotError
 
-ROBOT_VERBS = ("emulate", "drive", "record")
-_UNITS = """Units: speeds in m/s or motor steps/s (1 step = 0.1288 mm), lengths in m (…_m),
-angles in rad (…_rad) or degrees (…_deg), errors in mm (…_mm), times in simulated minutes
-or wall-clock seconds (wall_s). STEPS are learning updates, summed over the followers. A share is
-a part of all visits; …_all_time has reset and lost time in the denominator.
+Result = dict[str, Any]
 
-Fields for --set NAME=VALUE (dots for parts: --set learner.alpha=0.05 --set track.shape='"eight"'):
+# what bad input, a full disk or a diverging run raise: one line, no traceback
+ERRORS = (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError)
+ROBOT_VERBS = ("emulate", "drive", "record")
+VALIDATIONS = {
+    "drive": "workbench.studies.validation.drives:validate_drive",
+    "infrared": "workbench.studies.validation.infrared:validate_infrared",
+    "tiles": "workbench.studies.validation.tiles:validate_tiles",
+    "camera": "workbench.studies.validation.camera:validate_camera",
+    "deadlines": "workbench.studies.validation.deadlines:measure_deadlines",
+}
+_UNITS = """Units: speeds in m/s or motor steps/s (1 step = 0.1288 mm), lengths in m (…_m), angles
+in rad (…_rad) or degrees (…_deg), errors in mm (…_mm), times in simulated minutes or wall-clock
+seconds (wall_s). STEPS are learning updates, summed over the followers. A share is a part of all
+visits; …_all_time has reset and lost time in the denominator.
+
+Fields for --set NAME=VALUE (dots for parts: --set learner.alpha=0.05 or track.shape='"eight"'):
 """
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m workbench", description="Formation control with Greedy-GQ(λ)."
-    )
-    verbs = parser.add_subparsers(dest="verb", required=True)
-    parts = (("", ConvoyConfig), ("learner", LearnerConfig), ("track", TrackConfig))
-    epilog = _UNITS + "\n".join(
-        f"{name and name + ':'}\n{fields.describe(cls)}" for name, cls in parts
-    )
-    shape: dict[str, Any] = {
-        "formatter_class": argparse.RawDescriptionHelpFormatter,
-        "epilog": epilog,
-    }
+class _Place(click.ParamType):
+    """A path; "~" is the user's home, also behind an equals sign, where a shell leaves it."""
 
-    learn = verbs.add_parser(
-        "learn", help="let followers learn online; prints the run's summary", **shape
-    )
-    learn.add_argument("--steps", type=int, help="learning updates, summed over the followers")
-    learn.add_argument("--setting", help=f"start from a named setting: {', '.join(SETTINGS)}")
-    learn.add_argument("--followers", type=int, help="robots behind the leader")
-    learn.add_argument("--drive", help="wheels or planar")
-    learn.add_argument("--sensing", help=" or ".join(SENSING))
-    learn.add_argument("--seed", type=int, help="seed of everything random")
-    learn.add_argument(
-        "--out", required=True, help="folder of the run; must be new or empty, unless --resume"
-    )
-    learn.add_argument(
-        "--resume",
-        action="store_true",
-        help="continue the interrupted run in --out, or show a complete one",
-    )
-    learn.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="any field, value as JSON"
-    )
+    name = "path"
 
-    evaluate = verbs.add_parser(
-        "evaluate",
-        help="follow a run's policy greedily, without learning; or a classical law",
-        **shape,
-    )
-    evaluate.add_argument(
-        "run", help=f"folder of a complete run, or a classical law: {', '.join(LAWS)}"
-    )
-    evaluate.add_argument(
-        "--minutes", type=float, default=30.0, help="simulated minutes (default 30)"
-    )
-    evaluate.add_argument("--drive", help="wheels or planar (default: the run's)")
-    evaluate.add_argument("--seed", type=int, help="evaluation seed (default: the run's)")
-    evaluate.add_argument("--out", help="store the evaluation in this folder")
-    evaluate.add_argument(
-        "--resume", action="store_true", help="continue the interrupted evaluation in --out"
-    )
-    evaluate.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="any field, value as JSON"
-    )
-
-    verbs.add_parser("bench", help="measure speed against bare MuJoCo, and memory")
-
-    study = verbs.add_parser(
-        "study",
-        help="run a study and write its table into data/studies/; continues where it stopped",
-    )
-    study.add_argument("name", help="name of a study, 'all', or 'list' to see what there is")
-    study.add_argument(
-        "--scheduler", help="address of a dask scheduler, tcp://HOST:PORT; default: all cores here"
-    )
-    study.add_argument(
-        "--workers", type=int, default=0, help="processes on this machine (default: one per core)"
-    )
-    study.add_argument("--out", help="folder of the table (default data/studies/)")
-
-    validate = verbs.add_parser(
-        "validate",
-        help="compare with recordings of real robots (WORKBENCH_RECORDINGS), with pixels, or "
-        "with the clock",
-    )
-    validate.add_argument(
-        "what",
-        help="drive (wheels against set-points), infrared (proximity and ground sensors), "
-        "tiles (of real readings), "
-        "camera (pixels) or deadlines (clock)",
-    )
-    validate.add_argument("--out", help="folder of the aggregates (default data/validation/)")
-
-    export = verbs.add_parser(
-        "export-c", help="write a policy on raw infrared readings as a C99 file for a firmware"
-    )
-    export.add_argument("run", help="folder of a complete run, or a weights file")
-    export.add_argument("--out", required=True, help="C file to write")
-    export.add_argument(
-        "--table", type=int, default=0, help="whose weights, 0 for the first follower's (default)"
-    )
-
-    emulate = verbs.add_parser(
-        "emulate", help="serve an emulated robot on a pseudo-terminal or a TCP port"
-    )
-    emulate.add_argument(
-        "protocol", help="epuck1, epuck1-bt, overo (SerCom on a pseudo-terminal) or epuck2 (TCP)"
-    )
-    emulate.add_argument("--port", type=int, default=0, help="TCP port (default: a free one)")
-    emulate.add_argument(
-        "--rate",
-        type=float,
-        default=1.0,
-        help="simulated seconds per second; 0: moves only when it is read",
-    )
-    emulate.add_argument(
-        "--seconds", type=float, default=0.0, help="end after so many seconds (default: Ctrl-C)"
-    )
-
-    drive = verbs.add_parser("drive", help="let a run's follower drive a robot")
-    drive.add_argument(
-        "--robot", required=True, help="sim:, serial:PORT, overo:PORT or tcp:HOST[:PORT]"
-    )
-    drive.add_argument("--weights", required=True, help="folder of the run")
-    drive.add_argument("--seconds", type=float, default=60.0, help="how long (default 60)")
-    drive.add_argument(
-        "--learn",
-        type=int,
-        default=0,
-        help="learn on, over so many updates (default: follow greedily)",
-    )
-    drive.add_argument("--record", help="write a recording to this .csv")
-    drive.add_argument("--out", help="folder to keep the weights in, where it learns")
-    drive.add_argument(
-        "--real",
-        action="store_true",
-        help="the recording is of a real robot, not of an emulated one",
-    )
-
-    record = verbs.add_parser(
-        "record", help="record a robot that stands or drives at constant speeds"
-    )
-    record.add_argument(
-        "--robot", required=True, help="sim:, serial:PORT, overo:PORT, tcp:HOST[:PORT] or log:FILE"
-    )
-    record.add_argument("--out", required=True, help="the .csv; must be new")
-    record.add_argument("--seconds", type=float, default=10.0, help="how long (default 10)")
-    record.add_argument(
-        "--speeds",
-        type=int,
-        nargs=2,
-        default=(0, 0),
-        metavar=("LEFT", "RIGHT"),
-        help="steps/s (default 0 0)",
-    )
-    record.add_argument(
-        "--real", action="store_true", help="it is a real robot, not an emulated one"
-    )
-
-    check = verbs.add_parser(
-        "check", help="check a recording; names the first thing that is wrong by row and column"
-    )
-    check.add_argument("recording", help="the .csv")
-
-    figures = verbs.add_parser(
-        "figures", help="run the experiment and all notebooks; regenerate figures/"
-    )
-    figures.add_argument(
-        "--check", action="store_true", help="only tell what would change, and by how much"
-    )
-    return parser
+    def convert(self, value: Any, param: Any, ctx: Any) -> str:
+        return str(Path(value).expanduser())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run one verb; return the exit code: 0, 1 for what --check found, 2 for bad input, 130 if
-    interrupted.
-    """
-    flags = _parser().parse_args(arguments)
-    begun = time.perf_counter()
-    code = 0
-    before = {}
-    if (
-        flags.verb in ROBOT_VERBS
-    ):  # a robot is stopped also when the program is told to end, or its terminal goes away
-        ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-        before = {number: signal.signal(number, signal.default_int_handler) for number in ends}
-    try:
-        if flags.verb == "learn":
-            result = _learn(flags)
-        elif flags.verb == "evaluate":
-            result = _evaluate(flags)
-        elif flags.verb == "bench":
-            from workbench.bench import bench
+class _WithFields(click.Command):
+    """A verb whose help ends with the fields of a configuration."""
 
-            result = bench()
-        elif flags.verb == "study":
-            result = _study(flags)
-        elif flags.verb == "export-c":
-            result = _export(flags)
-        elif flags.verb == "validate":
-            result = _validate(flags)
-        elif flags.verb == "figures":
-            result = _figures(flags)
-            code = 1 if flags.check and result["changed_files"] else 0
-        else:
-            result = _robot(flags)
-    except (
-        RobotError,
-        ValueError,
-        TypeError,
-        OSError,
-        ArithmeticError,
-        RuntimeError,
-        MemoryError,
-    ) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        stored = (
-            "what is finished is stored; the same command continues, learn and evaluate "
-            "with --resume"
-        )
-        if flags.verb in ROBOT_VERBS:
-            stored = "the robot has been told to stop; a recording keeps what was written"
-        print(f"interrupted: {stored}", file=sys.stderr)
-        return 130
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    result["wall_s"] = round(time.perf_counter() - begun, 1)
-    print(json.dumps(plain(result), ensure_ascii=False))
-    return code
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from workbench import fields
+        from workbench.arena.tracks import TrackConfig
+        from workbench.formation.config import ConvoyConfig
+        from workbench.learning.config import LearnerConfig
+
+        parts = (("", ConvoyConfig), ("learner", LearnerConfig), ("track", TrackConfig))
+        told = (f"{name and name + ':'}\n{fields.describe(cls)}" for name, cls in parts)
+        formatter.write("\n" + _UNITS + "\n".join(told) + "\n")
 
 
-def _learn(flags: argparse.Namespace) -> dict[str, Any]:
+PLACE = _Place()
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+def verbs() -> None:
+    """Formation control with Greedy-GQ(λ)."""
+
+
+def _option(*names: str, **kinds: Any) -> Callable[..., Any]:
+    return click.option(*names, **({"default": None} | kinds))
+
+
+@verbs.command(cls=_WithFields)
+@_option("--steps", type=int, help="Learning updates, summed over the followers.")
+@_option("--setting", help="Start from a named setting: paper, recommended, infrared, …")
+@_option("--followers", type=int, help="Robots behind the leader.")
+@_option("--drive", help="Fidelity of the simulated robot: wheels or planar.")
+@_option("--sensing", help="Where errors come from: truth, camera, pixels, ir-metric, ir-raw, …")
+@_option("--seed", type=int, help="Seed of everything random.")
+@click.option("--out", type=PLACE, required=True, help="Folder; new or empty, unless --resume.")
+@click.option("--resume", is_flag=True, help="Continue the run in --out, or show a complete one.")
+@click.option(
+    "--set", "fields_set", multiple=True, metavar="NAME=VALUE", help="Any field, as JSON."
+)
+def learn(
+    steps: int | None, setting: str | None, out: str, resume: bool, fields_set: Any, **given: Any
+) -> Result:
+    """Let followers learn online; prints the run's summary."""
+    from workbench import fields
+    from workbench.formation.config import SETTINGS, ConvoyConfig
     from workbench.lab import runs
 
-    asked = {name: getattr(flags, name) for name in ("followers", "drive", "sensing", "seed")}
-    given = {name: value for name, value in asked.items() if value is not None}
     values = fields.to_dict(ConvoyConfig())
-    steps = 1_300_000
-    if flags.setting is not None:
-        if flags.setting not in SETTINGS or flags.resume:
-            why = (
-                "a run that is resumed keeps its own"
-                if flags.resume
-                else f"expected one of {', '.join(SETTINGS)}"
-            )
-            raise ValueError(f"--setting {flags.setting!r}; {why}")
-        values = fields.to_dict(SETTINGS[flags.setting])
-    if flags.resume:
+    length = 1_300_000
+    if setting is not None:
+        if resume:
+            raise ValueError(f"--setting {setting!r}; a run that is resumed keeps its own")
+        if setting not in SETTINGS:
+            raise ValueError(f"--setting {setting!r}; expected one of {', '.join(SETTINGS)}")
+        values = fields.to_dict(SETTINGS[setting])
+    if resume:
         try:
-            config, steps = runs.stored_request(flags.out)
+            config, length = runs.stored_request(out)
             values = fields.to_dict(config)
         except FileNotFoundError:
             pass  # killed before it began: begin
-    config = _configure(values, given, flags.set)
-    if flags.steps is not None:
-        steps = flags.steps
-    return dict(runs.learn(config, steps=steps, out=flags.out, resume=flags.resume).summary)
+    config = _configure(values, given, fields_set)
+    length = length if steps is None else steps
+    return dict(runs.learn(config, steps=length, out=out, resume=resume).summary)
 
 
-def _evaluate(flags: argparse.Namespace) -> dict[str, Any]:
+@verbs.command(cls=_WithFields)
+@click.argument("run", type=PLACE)
+@click.option("--minutes", type=float, default=30.0, help="Simulated minutes (default 30).")
+@_option("--drive", help="Wheels or planar (default: the run's).")
+@_option("--seed", type=int, help="Evaluation seed (default: the run's).")
+@_option("--out", type=PLACE, help="Store the evaluation in this folder.")
+@click.option("--resume", is_flag=True, help="Continue the interrupted evaluation in --out.")
+@click.option(
+    "--set", "fields_set", multiple=True, metavar="NAME=VALUE", help="Any field, as JSON."
+)
+def evaluate(
+    run: str, minutes: float, out: str | None, resume: bool, fields_set: Any, **given: Any
+) -> Result:
+    """Follow a run's policy greedily, without learning.
+
+    RUN is the folder of a complete run, or the name of a classical law: carrot, leader-frame,
+    l-psi, pursuit, path.
+    """
+    from workbench import fields
+    from workbench.formation.config import ConvoyConfig
+    from workbench.formation.laws import LAWS, Controller
     from workbench.lab import runs
 
     policy: Controller
-    if Path(flags.run).exists():
-        run = runs.load_run(flags.run)
-        policy = run.policy
-        config = run.config
-    elif flags.run in LAWS:
-        policy = LAWS[flags.run]()
+    if Path(run).exists():
+        stored = runs.load_run(run)
+        policy = stored.policy
+        config = stored.config
+    elif run in LAWS:
+        policy = LAWS[run]()
         config = ConvoyConfig()
     else:
-        raise FileNotFoundError(
-            f"{flags.run} holds no run, and is no classical law ({', '.join(LAWS)})"
-        )
-    asked = {"drive": flags.drive, "seed": flags.seed}
-    given = {name: value for name, value in asked.items() if value is not None}
-    config = _configure(fields.to_dict(config), given, flags.set)
-    return dict(
-        runs.evaluate(
-            policy, config, minutes=flags.minutes, out=flags.out, resume=flags.resume
-        ).summary
-    )
+        raise FileNotFoundError(f"{run} holds no run, and is no classical law ({', '.join(LAWS)})")
+    config = _configure(fields.to_dict(config), given, fields_set)
+    return dict(runs.evaluate(policy, config, minutes=minutes, out=out, resume=resume).summary)
 
 
-def _study(flags: argparse.Namespace) -> dict[str, Any]:
+@verbs.command()
+def bench() -> Result:
+    """Measure speed against bare MuJoCo, and memory."""
+    from workbench.bench import bench
+
+    return bench()
+
+
+@verbs.command()
+@click.argument("name")
+@_option("--scheduler", help="Address of a dask scheduler, tcp://HOST:PORT; default: all cores.")
+@click.option("--workers", type=int, default=0, help="Processes here (default: one per core).")
+@_option("--out", type=PLACE, help="Folder of the table (default data/studies/).")
+def study(name: str, scheduler: str | None, workers: int, out: str | None) -> Result:
+    """Run a study and write its table; continues where it stopped.
+
+    NAME is the name of a study, "all", or "list" to see what there is.
+    """
     from workbench.studies.tables import STUDIES, run_study
 
-    if flags.name == "list":
-        for study in STUDIES.values():
-            print(f"{study.name:12} {study.question}")
+    if name == "list":
+        for one in STUDIES.values():
+            click.echo(f"{one.name:12} {one.question}")
         return {"studies": list(STUDIES)}
-    names = list(STUDIES) if flags.name == "all" else [flags.name]
-    out = Path(flags.out) if flags.out else None
+    names = list(STUDIES) if name == "all" else [name]
+    folder = Path(out) if out else None
     with ExitStack() as stack:
         executor = None
-        if flags.scheduler:
+        if scheduler:
             from distributed import Client
 
-            client = stack.enter_context(Client(flags.scheduler, timeout="20s"))
-            _same_sources(client)
+            client = stack.enter_context(Client(scheduler, timeout="20s"))
+            _same_sources(client, run_study)
             executor = client.get_executor()
-        lines = {
-            name: len(run_study(name, executor=executor, workers=flags.workers, out=out))
-            for name in names
+        tables = {
+            one: run_study(one, executor=executor, workers=workers, out=folder) for one in names
         }
-    return {"lines": lines}
+    return {"lines": {one: len(table) for one, table in tables.items()}}
 
 
-def _same_sources(client: Any) -> None:
-    """Refuse a cluster without workers, or with workers that run other sources than this
-    process.
-    """
-    from workbench import sources
+def _same_sources(client: Any, function: Callable[..., Any]) -> None:
+    """Refuse a cluster without workers, or with workers that run other sources than these."""
+    from workbench.sources import digest_of
 
-    theirs = client.run(sources.digest, "workbench.studies.tables")
+    theirs = client.run(digest_of, function)
     if not theirs:
         raise RuntimeError("the scheduler has no workers; start some with: dask worker ADDRESS")
-    others = sorted(
-        worker
-        for worker, digest in theirs.items()
-        if digest != sources.digest("workbench.studies.tables")
-    )
+    ours = digest_of(function)
+    others = sorted(worker for worker, digest in theirs.items() if digest != ours)
     if others:
         raise RuntimeError(
             f"workers with other sources or versions of the workbench: {', '.join(others)}; "
@@ -355,86 +207,169 @@ def _same_sources(client: Any) -> None:
         )
 
 
-def _export(flags: argparse.Namespace) -> dict[str, Any]:
+@verbs.command()
+@click.argument("what")
+@_option("--out", type=PLACE, help="Folder of the aggregates (default data/validation/).")
+def validate(what: str, out: str | None) -> Result:
+    """Compare with recordings of real robots (WORKBENCH_RECORDINGS), pixels, or the clock.
+
+    WHAT is drive (wheels against set-points), infrared (proximity and ground sensors), tiles (of
+    real readings), camera (pixels) or deadlines (clock).
+    """
+    if what not in VALIDATIONS:
+        *most, last = VALIDATIONS
+        raise ValueError(f"validate {what!r}; expected {', '.join(most)} or {last}")
+    module, name = VALIDATIONS[what].split(":")
+    result: Result = getattr(importlib.import_module(module), name)(out=Path(out) if out else None)
+    return result
+
+
+@verbs.command("export-c")
+@click.argument("run", type=PLACE)
+@click.option("--out", type=PLACE, required=True, help="C file to write.")
+@click.option("--table", type=int, default=0, help="Whose weights; 0: the first follower's.")
+def export_c(run: str, out: str, table: int) -> Result:
+    """Write a policy on raw infrared readings as a C99 file for a firmware.
+
+    RUN is the folder of a complete run, or a weights file.
+    """
     from workbench.lab.weights import load_policy
-    from workbench.logs.export_c import export_c
+    from workbench.logs import export_c
 
-    policy = load_policy(flags.run)
-    source = f"weights {policy.sha256()[:12]}, follower {flags.table + 1}"
-    return export_c(policy, flags.out, table=flags.table, source=source) | {"written": flags.out}
-
-
-def _validate(flags: argparse.Namespace) -> dict[str, Any]:
-    out = Path(flags.out) if flags.out else None
-    if flags.what == "drive":
-        from workbench.studies.validation.drives import validate_drive
-
-        return validate_drive(out=out)
-    if flags.what == "infrared":
-        from workbench.studies.validation.infrared import validate_infrared
-
-        return validate_infrared(out=out)
-    if flags.what == "tiles":
-        from workbench.studies.validation.tiles import validate_tiles
-
-        return validate_tiles(out=out)
-    if flags.what == "camera":
-        from workbench.studies.validation.camera import validate_camera
-
-        return validate_camera(out=out)
-    if flags.what == "deadlines":
-        from workbench.studies.validation.deadlines import measure_deadlines
-
-        return measure_deadlines(out=out)
-    raise ValueError(
-        f"validate {flags.what!r}; expected drive, infrared, tiles, camera or deadlines"
-    )
+    policy = load_policy(run)
+    source = f"weights {policy.sha256()[:12]}, follower {table + 1}"
+    return export_c.export_c(policy, out, table=table, source=source) | {"written": out}
 
 
-def _robot(flags: argparse.Namespace) -> dict[str, Any]:
-    from workbench.logs import sessions as live
+@verbs.command()
+@click.argument("protocol")
+@click.option("--port", type=int, default=0, help="TCP port (default: a free one).")
+@click.option(
+    "--rate", type=float, default=1.0, help="Simulated s per s; 0: moves when it is read."
+)
+@click.option("--seconds", type=float, default=0.0, help="End after so long (default: Ctrl-C).")
+def emulate(protocol: str, port: int, rate: float, seconds: float) -> Result:
+    """Serve an emulated robot on a pseudo-terminal or a TCP port.
 
-    if flags.verb == "emulate":
-        return {
-            "url": live.emulate(
-                flags.protocol, port=flags.port, rate=flags.rate, seconds=flags.seconds
-            )
-        }
-    if flags.verb == "drive":
-        return live.drive_robot(
-            flags.robot,
-            flags.weights,
-            seconds=flags.seconds,
-            learn=flags.learn,
-            record=flags.record,
-            real=flags.real,
-            out=flags.out,
-        )
-    if flags.verb == "record":
-        speeds = (flags.speeds[0], flags.speeds[1])
-        return live.record_robot(
-            flags.robot, flags.out, seconds=flags.seconds, speeds=speeds, real=flags.real
-        )
+    PROTOCOL is epuck1, epuck1-bt, overo (SerCom on a pseudo-terminal) or epuck2 (TCP).
+    """
+    from workbench.logs import sessions
+
+    return {"url": sessions.emulate(protocol, port=port, rate=rate, seconds=seconds)}
+
+
+@verbs.command()
+@click.option("--robot", required=True, help="sim:, serial:PORT, overo:PORT or tcp:HOST[:PORT].")
+@click.option("--weights", type=PLACE, required=True, help="Folder of the run.")
+@click.option("--seconds", type=float, default=60.0, help="How long (default 60).")
+@click.option("--learn", type=int, default=0, help="Learn on, over so many updates.")
+@_option("--record", type=PLACE, help="Write a recording to this .csv.")
+@_option("--out", type=PLACE, help="Folder to keep the weights in, where it learns.")
+@click.option("--real", is_flag=True, help="The recording is of a real robot.")
+def drive(robot: str, weights: str, **kinds: Any) -> Result:
+    """Let a run's follower drive a robot."""
+    from workbench.logs import sessions
+
+    return sessions.drive_robot(robot, weights, **kinds)
+
+
+@verbs.command()
+@click.option("--robot", required=True, help="sim:, serial:PORT, overo:PORT, tcp:…, log:FILE.")
+@click.option("--out", type=PLACE, required=True, help="The .csv; must be new.")
+@click.option("--seconds", type=float, default=10.0, help="How long (default 10).")
+@click.option("--speeds", type=int, nargs=2, default=(0, 0), help="LEFT RIGHT in steps/s.")
+@click.option("--real", is_flag=True, help="It is a real robot, not an emulated one.")
+def record(robot: str, out: str, **kinds: Any) -> Result:
+    """Record a robot that stands or drives at constant speeds."""
+    from workbench.logs import sessions
+
+    return sessions.record_robot(robot, out, **kinds)
+
+
+@verbs.command()
+@click.argument("recording", type=PLACE)
+def check(recording: str) -> Result:
+    """Check a recording; names the first thing that is wrong by row and column."""
     from workbench.logs.recordings import load_recording
 
-    return load_recording(flags.recording).summary()
+    return load_recording(recording).summary()
 
 
-def _figures(flags: argparse.Namespace) -> dict[str, Any]:
+@verbs.command()
+@click.option("--check", is_flag=True, help="Only tell what would change, and by how much.")
+def figures(check: bool) -> Result:
+    """Run the experiment and all notebooks; regenerate figures/."""
     from workbench.publishing import regenerate
 
-    files, numbers = regenerate(check=flags.check)
+    files, numbers = regenerate(check=check)
     if len(numbers):
-        print("plotted numbers that differ:")
-        print(numbers.to_string(index=False, float_format=lambda number: f"{number:.3g}"))
+        click.echo("plotted numbers that differ:")
+        shown = numbers.to_string(index=False, float_format=lambda number: f"{number:.3g}")
+        click.echo(shown)
     else:
-        print("no plotted number differs from what was there before")
-    return {"changed_files": files, "numbers_that_differ": int(numbers["numbers"].sum())}
+        click.echo("no plotted number differs from what was there before")
+    code = 1 if check and files else 0
+    differ = int(numbers["numbers"].sum())
+    return {"changed_files": files, "numbers_that_differ": differ, "code": code}
 
 
-def _configure(values: dict[str, Any], given: dict[str, Any], settings: list[str]) -> ConvoyConfig:
+def main(arguments: list[str] | None = None) -> int:
+    """Run one verb; return the exit code: 0; 1 for what --check found, or where nobody reads on; 2
+    for bad input; 130 if interrupted.
+    """
+    given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):  # what a terminal cannot show is replaced, not refused
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    begun = time.perf_counter()
+    try:
+        with _told_to_end():
+            result = verbs.main(given, prog_name="python -m workbench", standalone_mode=False)
+        if not isinstance(result, dict):  # help was asked for
+            return int(result or 0)
+        code: int = result.pop("code", 0)
+        result["wall_s"] = round(time.perf_counter() - begun, 1)
+        from workbench.lab.storage import plain
+
+        print(json.dumps(plain(result), ensure_ascii=False), flush=True)
+        return code
+    except click.ClickException as error:
+        error.show()
+        return 2
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (KeyboardInterrupt, click.Abort):
+        stored = "what is finished is stored; the same command continues, learn and evaluate with "
+        stored += "--resume"
+        if given and given[0] in ROBOT_VERBS:
+            stored = "the robot has been told to stop; a recording keeps what was written"
+        print(f"interrupted: {stored}", file=sys.stderr)
+        return 130
+    except (RobotError, *ERRORS) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+@contextmanager
+def _told_to_end() -> Iterator[None]:
+    """Take being told to end, or the terminal's end, as an interruption: robots are stopped."""
+    ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, signal.default_int_handler) for number in ends}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> Any:
     """Return a configuration from plain values, flags and NAME=VALUE settings, in this order."""
-    values = values | given
+    from workbench import fields
+    from workbench.formation.config import ConvoyConfig
+
+    values = values | {name: value for name, value in given.items() if value is not None}
+    nested = sorted(name for name, value in values.items() if isinstance(value, dict))
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
@@ -446,18 +381,12 @@ def _configure(values: dict[str, Any], given: dict[str, Any], settings: list[str
         except ValueError:
             value = text  # a bare word
         place, *rest = name.split(".")
-        nested = {
-            field.name for field in dataclass_fields(ConvoyConfig) if is_dataclass(field.default)
-        }
         if rest and place not in nested:
             raise TypeError(
                 f"--set {name}: {place!r} has no parts; parts with fields of their own: "
-                f"{', '.join(sorted(nested))}"
+                f"{', '.join(nested)}"
             )
-        if rest:
-            values[place] = values[place] | {".".join(rest): value}
-        else:
-            values[place] = value
+        values[place] = values[place] | {".".join(rest): value} if rest else value
     return fields.from_dict(ConvoyConfig, values)
 
 

@@ -54,6 +54,14 @@ def _number(value: object, low: float, high: float, expected: str, whole: bool) 
     return number
 
 
+def unwrapped(value: Any) -> Any:
+    """Return a value out of numpy as Python's own: scalars and arrays, () to (n,)."""
+    item = getattr(value, "tolist", None)
+    if item is not None and type(value).__module__ == "numpy":
+        return item()
+    return value
+
+
 def real(low: float, high: float, unit: str, doc: str, *, default: float) -> Any:
     """Declare a finite number in [low, high] of the given unit."""
     expected = f"a number from {low:g} to {high:g} {unit}".rstrip()
@@ -165,7 +173,7 @@ def configuration(cls: type[T]) -> type[T]:
 
     def __post_init__(self: Any) -> None:
         for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
+            value = unwrapped(getattr(self, field.name))
             try:
                 accepted = field.metadata["check"](value)
             except _Wrong as wrong:
@@ -237,12 +245,27 @@ def from_dict(cls: type[T], values: Mapping[str, Any]) -> T:
     return cls(**values)
 
 
+def whole(name: str, number: Any, low: int, high: int, unit: str = "") -> int:
+    """Return an argument that must be a whole number in [low, high], also out of numpy or as 3.0.
+
+    Raises:
+        ValueError: it is none.
+    """
+    value = unwrapped(number)
+    expected = f"a whole number from {low} to {high} {unit}".rstrip()
+    plain = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not plain or not low <= value <= high or value != int(value):
+        raise ValueError(f"{name} = {number!r}; expected {expected}")
+    return int(value)
+
+
 def positive(name: str, number: int) -> int:
     """Return an argument that must be a whole number of at least 1.
 
     Raises:
         ValueError: it is none.
     """
-    if isinstance(number, bool) or not isinstance(number, numbers.Integral) or number < 1:
+    value = unwrapped(number)
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1:
         raise ValueError(f"{name} = {number!r}; expected a whole number, at least 1")
-    return int(number)
+    return int(value)

@@ -310,3 +310,9 @@ def test_refusals_name_what_was_given_and_what_is_expected(options, message):
             wb.FollowEnv(config)
     with pytest.raises(ValueError, match=message):
         wb.FollowEnv(PLANAR, **options)
+
+
+def test_options_of_a_reset_that_nothing_would_follow_are_refused():
+    for env in (wb.FollowEnv(), FollowVectorEnv(2), wb.ConvoyEnv()):
+        with pytest.raises(ValueError, match="options = {'speed': 1}; expected none"):
+            env.reset(seed=1, options={"speed": 1})

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 
+import numpy as np
 import pytest
 
 from workbench import fields
@@ -207,3 +208,17 @@ def test_infrared_beyond_what_two_readings_are_inverted_for_is_refused():
     beacon = InfraredConfig(target="beacon")
     with pytest.raises(ValueError, match=r"distance_m = \(0.08, 0.5\) .* inverted up to 0.25 m"):
         dataclasses.replace(SETTINGS["infrared"], infrared=beacon, distance_m=(0.08, 0.5))
+
+
+def test_numbers_truth_values_and_arrays_out_of_numpy_are_taken_as_pythons_own():
+    config = ConvoyConfig(
+        seed=np.array(3),
+        state_tiles=np.array([5, 5]),
+        drive=np.str_("planar"),
+        followers=np.int32(2),
+    )
+    plain = ConvoyConfig(seed=3, state_tiles=(5, 5), drive="planar", followers=2)
+    assert config == plain and type(config.drive) is str and type(config.state_tiles[0]) is int
+    assert LearnerConfig(buffer=np.True_).buffer is True
+    with pytest.raises(TypeError, match="expected 2 whole numbers"):
+        ConvoyConfig(state_tiles=np.array([5.5, 5.0]))

@@ -226,3 +226,21 @@ def test_a_state_of_another_learner_is_refused_and_changes_nothing():
     with pytest.raises(ValueError, match="state lacks"):
         learner.load({"theta": before})
     np.testing.assert_array_equal(learner.theta, before)
+
+
+def test_fractions_and_masks_are_no_indices():
+    table = GreedyGQ(3, 2, alpha=0.5, beta=0.0, gamma=0.9, lam=0.9)
+    with pytest.raises(ValueError, match=r"state 1.9; the learner has states 0 to 2"):
+        table.update(1.9, 0, 1.0, 2, rho=1.0)
+    table.update(np.int64(1), 0, 1.0, 2, rho=1.0)
+    learner = GQ(3, 0.5)
+    for index, message in (
+        (
+            np.array([False, True, False]),
+            r"of type bool; expected whole numbers",
+        ),
+        ([1.9], r"of type float64; expected whole numbers"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            learner.learn((index, np.ones(len(index))), 1.0, ([], []), gamma=0.0, lam=0.0, rho=1.0)
+    assert not learner.theta.any()

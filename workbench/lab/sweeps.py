@@ -96,7 +96,7 @@ def sweep(
         key_of(function, config) if store is not None else str(number)
         for number, config in enumerate(configs)
     ]
-    folder = Path(store) if store is not None else None
+    folder = Path(store).expanduser() if store is not None else None
     results: dict[str, Any] = _stored(folder, keys) if folder is not None else {}
     todo = {key: config for key, config in zip(keys, configs, strict=True) if key not in results}
     failures = []

@@ -109,7 +109,7 @@ def load_weights(path: str | Path) -> Weights:
         ValueError: it is damaged, of another format, or its JSON says something else than its
             arrays.
     """
-    place = Path(path)
+    place = Path(path).expanduser()
     place = place / FILE if place.is_dir() else place
     arrays = read_npz(place)
     try:

@@ -14,6 +14,7 @@ Contract: ``theta`` and ``w`` are the live weights, views and not copies; ``trac
 return copies. An object is used by one thread at a time.
 """
 
+import operator
 from collections.abc import Mapping
 
 import numpy as np
@@ -139,7 +140,13 @@ class GQ:
 
     def _features(self, name: str, pairs: tuple[ArrayLike, ArrayLike]) -> Features:
         """Return checked index and value arrays: the kernel itself checks nothing."""
-        index = np.asarray(pairs[0], np.int64).ravel()
+        given = np.asarray(pairs[0])
+        if given.size and given.dtype.kind not in "iu":
+            raise ValueError(
+                f"{name} has indices {given.tolist()!r} of type {given.dtype}; expected whole "
+                "numbers (of a mask: np.flatnonzero(mask))"
+            )
+        index = given.astype(np.int64).ravel()
         value = np.asarray(pairs[1], np.float64).ravel()
         if index.size != value.size:
             raise ValueError(
@@ -322,11 +329,18 @@ class GreedyGQ(GQ):
         return super().state() | {"gamma": self.gamma, "lam": self.lam}
 
     def _pair(self, s: int, a: int) -> int:
-        if not 0 <= s < self.states:
-            raise ValueError(f"state {s!r}; the learner has states 0 to {self.states - 1}")
-        if not 0 <= a < self.actions:
-            raise ValueError(f"action {a!r}; the learner has actions 0 to {self.actions - 1}")
-        return int(s) * self.actions + int(a)
+        return _place("state", s, self.states) * self.actions + _place("action", a, self.actions)
+
+
+def _place(name: str, index: int, count: int) -> int:
+    """Return an index that must be a whole number from 0 to count - 1."""
+    try:
+        place = operator.index(index)
+    except TypeError:
+        place = -1
+    if not 0 <= place < count:
+        raise ValueError(f"{name} {index!r}; the learner has {name}s 0 to {count - 1}")
+    return place
 
 
 def check_table(states: int, actions: int, gamma: float, lam: float) -> None:

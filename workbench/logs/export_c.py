@@ -75,7 +75,7 @@ def export_c(
         ValueError: sensing has other units than counts; there is no such table; readings are
             distorted; the name is no .c file.
     """
-    place = Path(path)
+    place = Path(path).expanduser()
     if place.suffix != ".c":
         raise ValueError(f"path = {str(path)!r}; expected a name that ends in .c")
     if not place.parent.is_dir():

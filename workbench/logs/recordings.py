@@ -101,7 +101,7 @@ class Recorder:
         poses: bool = False,
         note: str = "",
     ) -> None:
-        self.path = Path(path)
+        self.path = Path(path).expanduser()
         if real and link.startswith(("sim:", "log:")):
             raise ValueError(
                 f"real = {real!r} with link = {link!r}; that is no real robot: leave --real out"
@@ -270,7 +270,7 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
         ValueError: the first thing that is wrong, by row (1 is the first after the header) and
             column.
     """
-    place = Path(path)
+    place = Path(path).expanduser()
     if place.suffix != ".csv" or place.is_dir():
         raise ValueError(f"{place} is no recording; expected a file that ends in .csv")
     if not place.is_file() and not place.with_suffix(".json").is_file():

@@ -48,8 +48,10 @@ RC: Any = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the project's look inside a ``with`` block."""
-    with mpl.rc_context(RC):
+    """Draw with the project's look inside a ``with`` block, whatever a matplotlibrc says."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(RC)
         yield
 
 

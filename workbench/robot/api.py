@@ -37,6 +37,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
+from workbench import fields
 from workbench.robot.faults import (
     BadReply,
     LinkLost,
@@ -261,24 +262,13 @@ class Robot(Words):
         Raises:
             ValueError: not whole, or beyond the motors' limit.
         """
-        speeds = []
-        for name, value in (("left", left), ("right", right)):
-            number = (
-                isinstance(value, (int, float))
-                and not isinstance(value, bool)
-                and math.isfinite(value)
-            )
-            if not number or value != int(value):
-                raise ValueError(f"{name} = {value!r}; expected a whole number of motor steps/s")
-            if abs(value) > self.most_steps:
-                raise ValueError(
-                    f"{name} = {value!r}; expected -{self.most_steps} to {self.most_steps} steps/s"
-                )
-            speeds.append(int(value))
+        most = self.most_steps
+        wanted = {"left": left, "right": right}
+        pair = [fields.whole(name, value, -most, most, "steps/s") for name, value in wanted.items()]
         self._require("drive")
         self._heard = time.monotonic()
         with self._lock:
-            self._speed = (speeds[0], speeds[1])
+            self._speed = (pair[0], pair[1])
             self._protected(lambda: self._drive(*self._speed))
         if any(self._speed):
             self._watchdog.start()

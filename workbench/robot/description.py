@@ -142,7 +142,7 @@ def load_robot(name: str | Path) -> RobotConfig:
         TypeError: an unknown field or a value of the wrong type.
     """
     folder = paths.DATA / "robots"
-    path = Path(name) if str(name).endswith(".json") else folder / f"{name}.json"
+    path = Path(name).expanduser() if str(name).endswith(".json") else folder / f"{name}.json"
     if not path.is_file():
         known = ", ".join(sorted(file.stem for file in folder.glob("*.json")))
         raise FileNotFoundError(

@@ -47,7 +47,7 @@ class Arena(anywidget.AnyWidget):
             about=scene.about, title=scene.title, live=scene.live, drivable=scene.drivable
         )
         self.scene = scene
-        self.folder = Path(folder)
+        self.folder = Path(folder).expanduser()
         self.saved = ""
         self.on_msg(self._hear)
 

@@ -104,7 +104,7 @@ def pictures(folder: str | Path) -> Iterator[tuple[str, Picture]]:
         FileNotFoundError: no folder, or no pictures in it.
         ValueError: a file is no picture.
     """
-    place = Path(folder)
+    place = Path(folder).expanduser()
     files = sorted(
         path for path in place.glob("*") if path.suffix.lower() in (".png", ".jpg", ".jpeg")
     )
