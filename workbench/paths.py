@@ -6,15 +6,20 @@ The only place that reads the environment. Three switches exist:
     WORKBENCH_STATIC=1       no progress bars, no widgets (stored notebooks, logs)
     WORKBENCH_RECORDINGS=DIR recordings of real robots, for validation only
 
->>> (ROOT / "workbench").is_dir()
+In a checkout everything is where the README's picture shows it. A package that was installed has its
+data in itself, and makes runs/ and figures/ where the program was started.
+
+>>> (DATA / "robots" / "epuck.json").is_file()
 True
 """
 
 import os
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-DATA = ROOT / "data"
+_PACKAGE = Path(__file__).resolve().parent
+_CHECKOUT = (_PACKAGE.parent / "pyproject.toml").is_file()
+ROOT = _PACKAGE.parent if _CHECKOUT else Path.cwd()
+DATA = ROOT / "data" if _CHECKOUT else _PACKAGE / "data"
 FIGURES = ROOT / "figures"
 NOTEBOOKS = ROOT / "notebooks"
 RUNS = ROOT / "runs"
