@@ -254,7 +254,7 @@ def _example(mark):
 
 def test_the_readme_s_comparison_with_a_classical_law_runs(capsys):
     example = _example("wb.judder(motion)")
-    exec(compile(example.replace("minutes=20", "minutes=2"), "README example", "exec"), {})  # noqa: S102
+    exec(compile(example.replace("minutes=20", "minutes=2"), "README example", "exec"), {})
     assert "excess" in (shown := capsys.readouterr().out) and "turn_rms_deg_s" in shown
 
 
@@ -267,14 +267,14 @@ def test_the_readme_s_example_runs():
         .replace("runs/mine", "unused")
     )
     scope: dict[str, object] = {}
-    exec(compile(quick.replace("run.save", "str"), "README example", "exec"), scope)  # noqa: S102
+    exec(compile(quick.replace("run.save", "str"), "README example", "exec"), scope)
     assert scope["run"].summary["steps"] == 3_000  # type: ignore[attr-defined]
 
 
 def test_the_readme_s_examples_of_playing_and_of_ones_own_run():
     for mark in ("wb.play(", "wb.ConvoyEnv("):
         quick = _example(mark).replace("100_000", "3_000").replace("minutes=10", "minutes=1")
-        exec(compile(quick, "README example", "exec"), {})  # noqa: S102
+        exec(compile(quick, "README example", "exec"), {})
 
 
 def test_a_tilde_behind_an_equals_sign_is_the_home(tmp_path, monkeypatch, capsys):

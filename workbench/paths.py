@@ -6,8 +6,8 @@ The only place that reads the environment. Three switches exist:
     WORKBENCH_STATIC=1       no progress bars, no widgets (stored notebooks, logs)
     WORKBENCH_RECORDINGS=DIR recordings of real robots, for validation only
 
-In a checkout everything is where the README's picture shows it. A package that was installed has its
-data in itself, and makes runs/ and figures/ where the program was started.
+In a checkout everything is where the README's picture shows it. An installed package has its data
+in itself, and makes runs/ and figures/ where the program was started.
 
 >>> (DATA / "robots" / "epuck.json").is_file()
 True

@@ -2,28 +2,12 @@
 scene.
 """
 
-import ctypes.util
-import os
-import subprocess
-import sys
-
 import numpy as np
-import pytest
 
 import workbench as wb
 from workbench.formation.places import world_of
 
 CONFIG = wb.ConvoyConfig(drive="planar", seed=1)
-
-_GL = """
-import sys
-import numpy as np
-import workbench as wb
-from workbench.arena.gl import GLCamera
-from workbench.formation.places import world_of
-with GLCamera(world_of(wb.ConvoyConfig(drive="planar", seed=1))) as camera:
-    np.save(sys.argv[1], camera.picture())
-"""
 
 
 def _robots(pixels):
@@ -43,25 +27,3 @@ def test_sensor_cones_lie_on_the_floor_around_the_robots_and_nowhere_else():
     there = np.argwhere(changed)
     gap = np.abs(there[:, None, 0] - rows) + np.abs(there[:, None, 1] - columns)
     assert gap.min(axis=1).max() < 40
-
-
-@pytest.mark.skipif(
-    ctypes.util.find_library("EGL") is None, reason="no EGL library on this machine"
-)
-def test_opengl_shows_the_same_scene(tmp_path):
-    environment = os.environ | {"MUJOCO_GL": "egl"}
-    done = subprocess.run(
-        [sys.executable, "-c", _GL, str(tmp_path / "gl.npy")],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        assert "no OpenGL here" in done.stderr, done.stderr
-        pytest.skip("EGL is installed and has no driver here")
-    fast, slow = (
-        _robots(pixels) for pixels in (np.load(tmp_path / "gl.npy"), wb.picture(world_of(CONFIG)))
-    )
-    for a, b in zip(fast, slow, strict=True):
-        assert np.sum(a & b) / np.sum(a | b) > 0.75

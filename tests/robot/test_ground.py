@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from workbench.robot.ground import (
-    CONTRAST,
     MODULES,
     NOISE,
     WHITE,
     darkness,
-    extremes,
     ground_reading,
 )
 
@@ -40,21 +38,3 @@ def test_readings_are_whole_clipped_and_as_noisy_as_stated():
         and ground_reading(1.0, 948.0, 338.0, -1e6) == 0
     )
     assert darkness(2000.0, 948.0, 338.0) == 0.0 and darkness(0.0, 948.0, 338.0) == 1.0
-
-
-def test_a_calibration_over_the_line_finds_each_sensors_own_black_and_white():
-    white = np.array(WHITE)
-    black = np.array(MODULES["b"])
-    readings = [white + (black - white) * share for share in (0.0, 0.3, 1.0, 0.6)]
-    found_white, found_black = extremes(readings)
-    np.testing.assert_array_equal(found_white, white)
-    np.testing.assert_array_equal(found_black, black)
-
-
-def test_a_calibration_that_saw_no_line_is_refused():
-    with pytest.raises(
-        ValueError, match=f"at least {CONTRAST:g} counts of contrast.*turn the robot"
-    ):
-        extremes([(948, 947, 949), (946, 948, 500)])
-    with pytest.raises(ValueError, match="left, centre, right"):
-        extremes([(948, 947)])

@@ -3,7 +3,6 @@ inversion and its limits (N2).
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -181,12 +180,6 @@ def test_the_compiled_formula_is_what_rays_see(target):
 def test_impossible_sensors_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
         InfraredConfig(**values)
-
-
-def test_more_samples_make_readings_quieter_by_the_root_of_their_number():
-    assert replace(CONFIG, samples=4).noise_counts == pytest.approx(
-        replace(CONFIG, samples=1).noise_counts / 2
-    )
 
 
 def test_without_noise_two_readings_determine_a_place_exactly():

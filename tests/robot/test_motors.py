@@ -1,11 +1,9 @@
 """Motors: the firmware's quantisation table, saturation and units."""
 
-import math
-
 import pytest
 
 from workbench.robot import geometry
-from workbench.robot.motors import motor_speed, speed_from_steps, steps_from_speed, twist
+from workbench.robot.motors import motor_speed, twist
 
 # measured from the firmware's rule, gctronic/e-puck-library e_motors.c: period = int(10000 / |v|)
 # ticks of 0.1 ms
@@ -41,14 +39,6 @@ def test_saturation_at_a_thousand_steps_and_zero_stands_still():
 
 def test_one_step_is_0_1288_mm_and_the_fastest_wheel_0_128_m_per_s():
     assert geometry.STEP == pytest.approx(0.1288e-3, rel=1e-3)
-    assert speed_from_steps(1000) == pytest.approx(0.1288, rel=1e-3)
-    assert steps_from_speed(speed_from_steps(437)) == 437
-
-
-@pytest.mark.parametrize("speed", [0.1290, -0.2, math.nan, math.inf])
-def test_impossible_speeds_are_refused(speed):
-    with pytest.raises(ValueError, match=r"an e-puck's wheel does at most 0.1288 m/s"):
-        steps_from_speed(speed)
 
 
 def test_twist_of_exact_rolling():

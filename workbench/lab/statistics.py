@@ -10,7 +10,6 @@ which its action was chosen. "All time" puts reset and lost time into the denomi
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -236,11 +235,6 @@ def moments(count: ArrayLike, total: ArrayLike, squares: ArrayLike) -> tuple[flo
     mean = first / n
     power = second / n
     return mean, math.sqrt(max(power - mean**2, 0.0)), math.sqrt(power)
-
-
-def median_and_worst(values: Sequence[float]) -> tuple[float, float]:
-    """Return the median and the smallest of some shares."""
-    return float(np.median(values)), float(np.min(values))
 
 
 def _counts(visits: ArrayLike) -> NDArray[np.float64]:

@@ -61,7 +61,6 @@ SENSORS = (
     "battery",
     "microphone",
 )
-DEVICES = ("drive", "motor_position", "calibrate", "led", "body_led", "front_led", "raw", "observe")
 WRAP = 1 << 16
 MAY_MOVE = "the robot may still be moving; stop is the first thing sent on reconnect"
 # s by which a period may begin late before that counts: what a busy computer's timer is off
@@ -78,7 +77,7 @@ class Robot(Words):
         debug: print every exchange.
 
     Attributes:
-        capabilities: words of SENSORS and DEVICES.
+        capabilities: words of SENSORS, and what else it can: drive, calibrate, led, observe, …
         missed_deadlines, worst_latency_s: steps that began late, and the longest delay.
         watchdog_stops: how often the watchdog had to stop the robot.
     """

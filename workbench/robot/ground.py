@@ -8,19 +8,11 @@ Wii42/Robotics_Project); no recording at hand shows a or c. The response between
 taken as linear in the dark share of the sensor's spot: our assumption. Places: see
 ``robot.geometry``, 10 mm apart.
 
-A robot knows its own black and white only if it has calibrated: ``extremes`` keeps the highest and
-the lowest reading of a drive or a turn over the line.
-
 >>> float(round(ground_reading(1.0, 948.0, 338.0, 0.0)))
 338.0
 >>> darkness(338.0, 948.0, 338.0)
 1.0
 """
-
-from collections.abc import Iterable, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 
@@ -32,7 +24,6 @@ MODULES = {
 }  # counts on black
 NOISE = 1.5  # counts, standard deviation per reading
 SPOT = 0.003  # m, radius of the floor spot that a sensor sees: our assumption
-CONTRAST = 100.0  # counts between white and black below which a calibration is worthless
 
 
 @compiled
@@ -54,26 +45,3 @@ def darkness(counts: float, white: float, black: float) -> float:
     """Return the calibrated darkness of a reading: 0 on white, 1 on black, clipped to [0, 1]."""
     share: float = (white - counts) / (white - black)
     return min(max(share, 0.0), 1.0)
-
-
-def extremes(
-    readings: Iterable[Sequence[float]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return white (3,) and black (3,) of a robot's own sensors from readings over both, left,
-    centre, right.
-
-    Raises:
-        ValueError: a sensor has not seen both.
-    """
-    seen = np.array(list(readings), dtype=np.float64)
-    if seen.ndim != 2 or seen.shape[1] != 3:
-        raise ValueError(f"readings have shape {seen.shape}; expected (n, 3): left, centre, right")
-    white = seen.max(axis=0)
-    black = seen.min(axis=0)
-    if not np.all(white - black >= CONTRAST):
-        raise ValueError(
-            f"readings range from {black.tolist()} to {white.tolist()}; expected at least "
-            f"{CONTRAST:g} counts of contrast under "
-            "every sensor: turn the robot on the spot over the line while it reads"
-        )
-    return white, black

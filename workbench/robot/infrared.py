@@ -136,11 +136,6 @@ class InfraredConfig:
         """Mean age of the averaged samples of the youngest pair."""
         return (self.samples - 1) / 2 * CYCLE
 
-    @property
-    def noise_counts(self) -> float:
-        """Standard deviation of an averaged reading in free air."""
-        return self.noise * float(noise_sd(0.0)) / math.sqrt(self.samples)
-
 
 @compiled
 def ray_share(distance: float, incidence: float) -> float:

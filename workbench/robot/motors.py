@@ -6,11 +6,7 @@ int(10000 / |v|) steps/s. Above 500 the grid is coarse: 625, 667, 714, 769, 833,
 
 >>> motor_speed(550), round(motor_speed(-350), 1), motor_speed(2000)
 (555.5555555555555, -357.1, 1000.0)
->>> steps_from_speed(0.06)
-466
 """
-
-import math
 
 from workbench.compiled import compiled
 from workbench.robot.geometry import MAX_STEPS, MAX_STEPS_EPUCK2, STEP, TICKS, TRACK
@@ -45,24 +41,6 @@ def motor_speed_epuck2(command: int) -> float:
         return 0.0
     real = 100_000 / (2 * int(100_000 / (2 * speed)))
     return real if command > 0 else -real
-
-
-def steps_from_speed(speed_mps: float) -> int:
-    """Convert a rim speed in m/s to the nearest whole command in steps/s.
-
-    Raises:
-        ValueError: the speed is not finite or beyond the motor's ±1000 steps/s (0.1288 m/s).
-    """
-    if not math.isfinite(speed_mps) or abs(speed_mps) > MAX_STEPS * STEP * (1 + 1e-9):
-        raise ValueError(
-            f"speed {speed_mps!r} m/s; an e-puck's wheel does at most {MAX_STEPS * STEP:.4f} m/s"
-        )
-    return round(speed_mps / STEP)
-
-
-def speed_from_steps(steps: float) -> float:
-    """Convert steps/s to the rim speed in m/s."""
-    return steps * STEP
 
 
 def twist(left_steps: float, right_steps: float) -> tuple[float, float]:

@@ -19,7 +19,6 @@ from workbench.formation.simulated import SimulatedRobot, sense
 from workbench.formation.solo import SoloFollower, drive
 from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
-from workbench.robot.ground import extremes
 from workbench.robot.infrared import SLOT, InfraredConfig, circles_light, saturate
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
@@ -190,7 +189,7 @@ def test_a_robot_can_calibrate_its_ground_sensors_by_turning_over_the_line():
             robot.step()
             robot.set_motors_speed(-200, 200)
             readings.append(robot.get_floor_sensors())
-    white, black = extremes(readings)
+    white, black = np.max(readings, axis=0), np.min(readings, axis=0)
     assert np.all(np.abs(white - 948) < 8) and np.all(np.abs(black - [247, 271, 299]) < 25)
 
 
