@@ -384,7 +384,7 @@ STUDIED = {  # study → which of its trials, and changes that make them short
 
 def run_study(name):
     """Return hash and numbers of what a study measures on some of its trials, made short."""
-    from workbench.studies.catalogue import STUDIES
+    from workbench.studies.tables import STUDIES
 
     study = STUDIES[name]
     _, trials = study.trials((1,), quick=True)

@@ -48,9 +48,11 @@ def _number(value: object, low: float, high: float, expected: str, whole: bool) 
     kind = numbers.Integral if whole else numbers.Real
     if isinstance(value, bool) or not isinstance(value, kind):
         raise _Wrong(expected, wrong_type=True)
-    if not low <= value <= high:  # type: ignore[operator]  # before converting: it may be too large for a float; NaN fails too
+    # before converting: it may be too large for a float; NaN fails too
+    if not low <= value <= high:  # type: ignore[operator]
         raise _Wrong(expected, wrong_type=False)
-    number = int(value) if whole else float(value)  # type: ignore[call-overload]  # kind was checked above
+    # its kind was checked above
+    number = int(value) if whole else float(value)  # type: ignore[call-overload]
     return number
 
 
@@ -186,7 +188,8 @@ def configuration(cls: type[T]) -> type[T]:
         if hasattr(self, "_check"):
             self._check()
 
-    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]  # the hook that dataclass() looks for
+    # the hook that dataclass() looks for
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     made = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain_init = made.__init__
 
@@ -195,7 +198,8 @@ def configuration(cls: type[T]) -> type[T]:
         _refuse_unknown(made, given)
         plain_init(self, *args, **given)
 
-    made.__init__ = __init__  # type: ignore[method-assign]  # adds the list of valid names to the error
+    # adds the list of valid names to the error
+    made.__init__ = __init__  # type: ignore[method-assign]
     made.__doc__ = f"{made.__doc__ or ''}\n\nFields:\n{describe(made)}"
     return made
 

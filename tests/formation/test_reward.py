@@ -10,7 +10,8 @@ from hypothesis import assume, given, strategies as st
 
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.reward import PRESETS, step_reward, terminal_reward, worst_step_reward
-from workbench.formation.senses.truth import cut_in_radius, keep_circle_bearing, observe
+from workbench.formation.senses.truth import observe
+from workbench.studies.sideways import cut_in_radius, keep_circle_bearing
 
 coordinate = st.floats(-2, 2)
 

@@ -17,7 +17,7 @@ from workbench.formation.places import track_of
 from workbench.formation.records import PERIOD
 from workbench.formation.reset import FOLLOW, TURN
 from workbench.lab.runs import evaluate
-from workbench.measures.motion import Motion, as_motion, chatter, drive, follow
+from workbench.measures.motion import Motion, as_motion, chatter, follow
 from workbench.measures.smoothness import ldlj_vector
 from workbench.robot.geometry import BODY_RADIUS, STEP as STEP_M
 
@@ -124,13 +124,13 @@ def test_following_greedily_is_what_evaluate_does_and_knows_its_track():
     np.testing.assert_array_equal(motion.command, from_run.command)
     np.testing.assert_array_equal(motion.track.line, track_of(PLANAR).line)
     assert as_motion(motion) is motion and motion.fs == 10.0
-    assert drive(Convoy(PLANAR, [2], periods=600, law=CarrotPI())).shape == (600, 3)
+    assert Convoy(PLANAR, [2], periods=600, law=CarrotPI()).whole().shape == (600, 3)
 
 
 def test_a_shorter_run_with_the_horizon_of_a_longer_one_is_how_that_one_begins():
-    long = drive(Convoy(PLANAR, [3], steps=12_000, horizon=40_000, threads=1))
-    short = drive(Convoy(PLANAR, [3], steps=4_000, horizon=40_000, threads=1))
-    other = drive(Convoy(PLANAR, [3], steps=4_000, threads=1))  # its ε falls sooner
+    long = Convoy(PLANAR, [3], steps=12_000, horizon=40_000, threads=1).whole()
+    short = Convoy(PLANAR, [3], steps=4_000, horizon=40_000, threads=1).whole()
+    other = Convoy(PLANAR, [3], steps=4_000, threads=1).whole()  # its ε falls sooner
     assert short[:-1].tobytes() == long[: len(short) - 1].tobytes()
     assert other[: len(short)].tobytes() != short.tobytes()
 

@@ -15,7 +15,7 @@ from workbench.lab.runs import learn
 from workbench.lab.trial import CONTROLLERS, UNSEEN, Trial
 from workbench.learning.config import RULES, LearnerConfig
 from workbench.measures.judder import judder
-from workbench.measures.motion import chatter, drive, follow
+from workbench.measures.motion import chatter, follow
 from workbench.studies.motion_trials import measure_motion, measure_rival, measure_stability
 
 SMALL = ConvoyConfig(followers=2, drive="planar", seed=4)
@@ -56,7 +56,7 @@ def test_a_line_is_what_learning_and_frozen_following_did():
 def test_losses_of_a_frozen_drive_are_the_losses_that_the_robots_had():
     untrained = measure_motion(Trial(config=SMALL, steps=0, minutes=3))
     theta = np.full((2, 81, 49), -0.1)
-    steps = drive(Convoy(SMALL.with_seed(4 + UNSEEN), [4 + UNSEEN], periods=1800, policy=theta))
+    steps = Convoy(SMALL.with_seed(4 + UNSEEN), [4 + UNSEEN], periods=1800, policy=theta).whole()
     assert untrained["following_losses"] == np.count_nonzero(steps["event"][:, 1:] & LOSS) > 50
     assert "learning_losses" not in untrained
 

@@ -144,7 +144,7 @@ def test_a_study_killed_half_way_continues_and_ends_with_the_same_table(tmp_path
 
 
 def test_unknown_studies_and_missing_tables_are_refused(monkeypatch, tmp_path):
-    with pytest.raises(ValueError, match="study 'tile'; expected one of tiles, inner"):
+    with pytest.raises(ValueError, match="study 'tile'; expected one of actions, buffer"):
         run_study("tile")
     monkeypatch.setitem(load_study.__globals__, "FOLDER", tmp_path)
     with pytest.raises(FileNotFoundError, match="python -m workbench study tiles"):

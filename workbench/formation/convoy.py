@@ -20,7 +20,7 @@ stopped.
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -270,6 +270,23 @@ class Convoy:
         """(B, followers) entries of each follower's eligibility trace now."""
         entries: NDArray[np.int64] = self.robots["learning"]["trace"][:, 1:].copy()
         return entries
+
+    def steps(self) -> Iterator[list[NDArray[np.void]]]:
+        """Run to the end, block by block: the one loop that everything which drives goes through.
+
+        Yields:
+            What happened, (periods, followers + 1) of PERIOD a formation: views of the block, so
+            copy what you keep. Formations that have finished have no periods.
+        """
+        while not self.finished:
+            before = self.periods.copy()
+            block = self.run_block()
+            yield [block[b, :done] for b, done in enumerate(self.periods - before)]
+
+    def whole(self) -> NDArray[np.void]:
+        """Run one formation to the end and return all that happened, (T, followers + 1)."""
+        kept: NDArray[np.void] = np.concatenate([steps.copy() for [steps] in self.steps()])
+        return kept
 
     def run_block(self) -> NDArray[np.void]:
         """Run up to BLOCK control periods and return their records, (B, BLOCK, followers + 1) of

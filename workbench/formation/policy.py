@@ -205,4 +205,5 @@ class Policy:
                 f"not a policy of schema {SCHEMA}: schema {arrays.get('schema', 'missing')}, "
                 f"missing arrays {missing}"
             )
-        return cls(**{part.name: arrays[part.name] for part in fields(cls)})  # type: ignore[arg-type]
+        parts = {part.name: arrays[part.name] for part in fields(cls)}
+        return cls(**parts)  # type: ignore[arg-type]

@@ -421,13 +421,13 @@ class _Batch:
         tell: Any,
     ) -> None:
         saved = time.monotonic()
-        while not convoy.finished:
-            before = self._done(convoy).copy()
-            block = convoy.run_block()
-            for b, recorder in enumerate(recorders):
-                if np.any(block[b]["phase"][:, 0] >= 0):
-                    recorder.add(block[b], int(before[b]))
+        before = self._done(convoy).copy()
+        for blocks in convoy.steps():
+            for recorder, steps, start in zip(recorders, blocks, before, strict=True):
+                if len(steps):
+                    recorder.add(steps, int(start))
             tell(int((self._done(convoy) - before).sum()))
+            before = self._done(convoy).copy()
             due = time.monotonic() - saved >= checkpoint_s or convoy.finished
             if checkpoint is not None and due:
                 save_checkpoint(checkpoint, convoy, recorders, request)

@@ -26,7 +26,8 @@ _TEMPORARY = (
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays to an .npz file."""
-    _write(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]  # a mapping of arrays
+    # a mapping of arrays
+    _write(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
 
 
 def read_npz(path: Path) -> dict[str, NDArray[Any]]:

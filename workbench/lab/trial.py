@@ -142,8 +142,7 @@ def measure_sections(trial: Trial) -> dict[str, float]:
     gave_up = 0
     started: NDArray[np.float64] | None = None
     away = np.zeros(trial.config.followers, np.int64)
-    while not convoy.finished:
-        block = _copy_of_block(convoy)
+    for [block] in convoy.steps():
         place, started = _sections(convoy.world.tracks[0], block, started)
         at = block[:, 1:]
         training += np.bincount(place[at["state"] >= 0], minlength=SECTIONS)
@@ -162,8 +161,7 @@ def measure_sections(trial: Trial) -> dict[str, float]:
     follow = Convoy(judged, [judged.seed], periods=periods, policy=theta, threads=1)
     square, visits, lost, hours = (np.zeros(SECTIONS) for _ in range(4))
     begun: NDArray[np.float64] | None = None
-    while not follow.finished:
-        block = _copy_of_block(follow)
+    for [block] in follow.steps():
         place, begun = _sections(follow.world.tracks[0], block, begun)
         at = block[:, 1:]
         seen = at["state"] >= 0
@@ -187,12 +185,6 @@ def measure_sections(trial: Trial) -> dict[str, float]:
             1000 * math.sqrt(square[k] / visits[k]) if visits[k] else math.nan
         )
     return result
-
-
-def _copy_of_block(convoy: Convoy) -> NDArray[np.void]:
-    block = convoy.run_block()[0]
-    done: NDArray[np.void] = block[: np.count_nonzero(block["phase"][:, 0] >= 0)].copy()
-    return done
 
 
 def _sections(

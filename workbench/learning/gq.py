@@ -16,6 +16,7 @@ return copies. An object is used by one thread at a time.
 
 import operator
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -221,7 +222,8 @@ class GQ:
                     f"state[{name!r}] is {given!r}, this learner has {expected!r}; load into "
                     "an equal learner"
                 )
-        index, value = self._features("trace", (state["trace_index"], state["trace_value"]))  # type: ignore[arg-type]
+        pairs: Any = (state["trace_index"], state["trace_value"])
+        index, value = self._features("trace", pairs)
         if np.unique(index).size != index.size:
             raise ValueError(f"trace_index holds a feature twice: {index.tolist()}")
         self._theta[:] = np.asarray(state["theta"], np.float64).ravel()

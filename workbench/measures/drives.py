@@ -118,10 +118,7 @@ def leader_on_the_line(
         from_loop_mm.
     """
     convoy = Convoy(replace(config, followers=1), seeds, periods=round(seconds / 0.1))
-    blocks = []
-    while not convoy.finished:
-        block = convoy.run_block()
-        blocks.append(block[:, : np.count_nonzero(block[0]["phase"][:, 0] >= 0), 0].copy())
+    blocks = [np.stack([robots[:, 0] for robots in steps]) for steps in convoy.steps()]
     driven = np.concatenate(blocks, axis=1)
     lines = []
     path = pd.DataFrame()

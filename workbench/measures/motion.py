@@ -238,19 +238,7 @@ def follow(policy: Controller, config: ConvoyConfig, *, minutes: float = 20.0) -
     theta = None if isinstance(policy, ControlLaw) else policy.theta
     periods = max(3, round(minutes * 60 / CONTROL_PERIOD))
     convoy = Convoy(config, [config.seed], periods=periods, policy=theta, law=law, threads=1)
-    return Motion.of_steps(drive(convoy), convoy.world.tracks[0], config.robot)
-
-
-def drive(convoy: Convoy) -> NDArray[np.void]:
-    """Run a convoy of one formation to its end and return all its step records, (T, robots) of
-    STEP.
-    """
-    blocks = []
-    while not convoy.finished:
-        block = convoy.run_block()[0]
-        blocks.append(block[: np.count_nonzero(block["phase"][:, 0] >= 0)].copy())
-    steps: NDArray[np.void] = np.concatenate(blocks)
-    return steps
+    return Motion.of_steps(convoy.whole(), convoy.world.tracks[0], config.robot)
 
 
 def chatter(source: Source) -> pd.DataFrame:

@@ -74,9 +74,7 @@ def followed(policy: Policy, config: ConvoyConfig, minutes: float) -> dict[str, 
     losses = 0
     distances = []
     bearings = []
-    while not convoy.finished:
-        block = convoy.run_block()[0]
-        steps = block[: np.count_nonzero(block["phase"][:, 0] >= 0)]
+    for [steps] in convoy.steps():
         losses += int(np.count_nonzero(steps["event"][:, 1:] & LOSS))
         distance, bearing = true_errors(steps)
         distances.append(distance)

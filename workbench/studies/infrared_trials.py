@@ -49,11 +49,7 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
     convoy = Convoy(
         trial.config, [trial.config.seed], steps=trial.steps, periods=periods, threads=1
     )
-    kept = []
-    while not convoy.finished:
-        block = convoy.run_block()[0]
-        kept.append(block[: np.count_nonzero(block["phase"][:, 0] >= 0)].copy())
-    steps = np.concatenate(kept)
+    steps = convoy.whole()
     late = steps[2 * len(steps) // 3 :]
     distance, bearing = true_errors(late)
     inside = within(trial.config, distance, bearing)

@@ -31,7 +31,7 @@ from workbench.formation.policy import Policy
 from workbench.lab.statistics import time_to_stable
 from workbench.lab.trial import CONTROLLERS, UNSEEN, Trial
 from workbench.measures.judder import judder, tractrix_line
-from workbench.measures.motion import Motion, chatter, drive, follow
+from workbench.measures.motion import Motion, chatter, follow
 from workbench.robot.geometry import CONTROL_PERIOD
 
 OWN_BLOCK = 5000  # own updates per block of the criterion of being stable
@@ -107,7 +107,7 @@ def _prepare(trial: Trial) -> tuple[Controller | None, dict[str, float]]:
     convoy = Convoy(
         config, [config.seed], steps=trial.steps, horizon=trial.horizon or None, threads=1
     )
-    steps = drive(convoy)
+    steps = convoy.whole()
     if convoy.updates[0] < trial.steps:
         raise RuntimeError(
             f"seed {config.seed}: only {convoy.updates[0]} of {trial.steps} updates; the "

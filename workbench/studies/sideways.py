@@ -5,6 +5,7 @@ A follower on a circle can keep its predecessor's circle and see it at asin(d / 
 inside, or cut in to √(R² - d²) and see it straight ahead. These functions measure where it settled.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -16,6 +17,18 @@ from workbench.lab.runs import Run
 from workbench.lab.statistics import interval, share_of_block
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.studies.paper import SHIFT_REWARDS, SHIFT_TRACKS
+
+
+def keep_circle_bearing(distance_m: float, radius_m: float) -> float:
+    """Return |bearing| in rad of a predecessor ahead on the same circle: asin(d / 2R)."""
+    return math.asin(distance_m / (2 * radius_m))
+
+
+def cut_in_radius(distance_m: float, radius_m: float) -> float:
+    """Return the circle in m of a follower that keeps its predecessor at zero bearing: √(R² -
+    d²).
+    """
+    return math.sqrt(radius_m**2 - distance_m**2)
 
 
 def shift_table(runs: Mapping[str, Sequence[Run]]) -> pd.DataFrame:

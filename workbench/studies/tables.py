@@ -1,4 +1,4 @@
-"""Running studies: from the catalogue to the table that answers a question.
+"""Running studies: from a question to the table that answers it.
 
 ``run_study`` runs what is missing (on all cores, or on any executor), and writes one tidy table: a
 line per condition and seed, with a JSON file beside it that says what was run. Finished trials are
@@ -8,6 +8,7 @@ and an edit of what is measured runs it again.
 """
 
 import hashlib
+import importlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -20,11 +21,22 @@ import pandas as pd
 from workbench import fields, paths, sources
 from workbench.formation.config import ConvoyConfig
 from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.study import Study
 from workbench.lab.sweeps import Failed, sweep
 from workbench.lab.trial import Trial
-from workbench.studies.catalogue import STUDIES, Study
 
 FOLDER = paths.DATA / "studies"
+
+
+def _found() -> dict[str, Study]:
+    """Return the studies of this folder, by name: every file that binds STUDY is one."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    names = [file.stem for file in files if "\nSTUDY = " in file.read_text(encoding="utf-8")]
+    modules = [importlib.import_module(f"workbench.studies.{name}") for name in names]
+    return {module.STUDY.name: module.STUDY for module in modules}
+
+
+STUDIES = _found()
 # one update of 81 × 49 weights, textbook NumPy on a desktop computer; measured, see the notebooks
 DENSE_UPDATE_S = 24e-6
 

@@ -14,8 +14,8 @@ import pandas as pd
 from workbench.formation.config import ConvoyConfig
 from workbench.measures import comparisons as effects
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.studies.catalogue import STUDIES
 from workbench.studies.realities import emulated_world
+from workbench.studies.tables import STUDIES
 from workbench.studies.transfer_trials import DELAYS, NOISE_FACTORS
 
 MOSTLY = 0.99  # share of time inside the bounds that counts as mostly inside: our choice

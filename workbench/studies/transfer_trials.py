@@ -27,7 +27,7 @@ from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.lab.trial import UNSEEN, Trial
-from workbench.measures.motion import Motion, chatter, drive
+from workbench.measures.motion import Motion, chatter
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.studies.infrared_trials import true_errors, within
 from workbench.studies.realities import emulated_world
@@ -174,9 +174,9 @@ def measure_warm(trial: Trial) -> dict[str, float]:
     result: dict[str, float] = {}
     for name, begin in (("cold", None), ("warm", table)):
         later, losses = _learned(again, EARLY, begin)
-        longer = drive(
-            Convoy(again, [again.seed], steps=LATER, horizon=EARLY, policy=begin, threads=1)
-        )
+        longer = Convoy(
+            again, [again.seed], steps=LATER, horizon=EARLY, policy=begin, threads=1
+        ).whole()
         errors = _errors(judged, _followed(judged, later, trial), slice(None))
         result |= {
             f"{name}_learning_losses": float(losses.sum()),
@@ -248,15 +248,13 @@ def _learned(
     """
     config = replace(config, reset="restart") if config.sensing in INFRARED else config
     convoy = Convoy(config, [config.seed], steps=steps, policy=table, threads=1)
-    losses = []
-    while not convoy.finished:
-        losses.append(np.count_nonzero(convoy.run_block()[0]["event"][:, 1:] & LOSS))
+    lost = [np.count_nonzero(block["event"][:, 1:] & LOSS) for [block] in convoy.steps()]
     if convoy.updates[0] < steps:
         raise RuntimeError(
             f"seed {config.seed}: only {convoy.updates[0]} of {steps} updates; the followers "
             "were lost"
         )
-    return convoy.tables(0)[0], np.array(losses)
+    return convoy.tables(0)[0], np.array(lost)
 
 
 def _learned_in_turn(worlds: Iterable[ConvoyConfig], trial: Transfer) -> Table:
@@ -277,11 +275,8 @@ def _learned_in_turn(worlds: Iterable[ConvoyConfig], trial: Transfer) -> Table:
 def _followed(config: ConvoyConfig, table: Table, trial: Trial) -> NDArray[np.void]:
     """Return the step records of a greedy drive, (periods, robots)."""
     periods = round(trial.minutes * 60 / CONTROL_PERIOD)
-    return drive(
-        Convoy(
-            config, [config.seed], periods=periods, policy=Policy.of(config, table).theta, threads=1
-        )
-    )
+    theta = Policy.of(config, table).theta
+    return Convoy(config, [config.seed], periods=periods, policy=theta, threads=1).whole()
 
 
 def _errors(config: ConvoyConfig, steps: NDArray[np.void], who: slice) -> dict[str, float]:

@@ -294,11 +294,10 @@ def learn_history(config: ConvoyConfig, *, steps: int) -> History:
     """
     convoy = Convoy(config, [config.seed], steps=steps, threads=1)
     recorder = Recorder(config, steps)
-    updates = []
+    updates: list[int] = []
     policies = []
-    while not convoy.finished:
-        before = int(convoy.updates[0])
-        recorder.add(convoy.run_block()[0], before)
+    for [block] in convoy.steps():
+        recorder.add(block, updates[-1] if updates else 0)
         updates.append(int(convoy.updates[0]))
         policies.append(Policy.of(config, convoy.tables(0)[0]))
     records = recorder.records()

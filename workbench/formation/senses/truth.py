@@ -27,15 +27,3 @@ def observe(
     """
     dx, dy = ahead_x - x, ahead_y - y
     return math.sqrt(dx * dx + dy * dy), math.atan2(c * dy - s * dx, c * dx + s * dy)
-
-
-def keep_circle_bearing(distance_m: float, radius_m: float) -> float:
-    """Return |bearing| in rad of a predecessor ahead on the same circle: asin(d / 2R)."""
-    return math.asin(distance_m / (2 * radius_m))
-
-
-def cut_in_radius(distance_m: float, radius_m: float) -> float:
-    """Return the circle in m of a follower that keeps its predecessor at zero bearing: √(R² -
-    d²).
-    """
-    return math.sqrt(radius_m**2 - distance_m**2)

@@ -1,0 +1,24 @@
+"""Does the full run keep its quality through a camera (N1)?"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from workbench.arena.camera.config import CameraConfig
+from workbench.formation.config import ConvoyConfig
+from workbench.lab.study import Case, Study
+from workbench.studies.camera_trials import measure_camera
+
+
+def cases() -> Sequence[Case]:
+    """Return the conditions."""
+    bad = CameraConfig(conditions="bad", latency_s=0.1, dropout=0.1)
+    base = ConvoyConfig(drive="planar", sensing="camera")
+    return [
+        ({"drive": "planar", "sensing": "truth"}, replace(base, sensing="truth")),
+        ({"drive": "planar", "sensing": "camera"}, base),
+        ({"drive": "planar", "sensing": "bad camera"}, replace(base, camera=bad)),
+        ({"drive": "wheels", "sensing": "camera"}, replace(base, drive="wheels")),
+    ]
+
+
+STUDY = Study("camera", __doc__, cases, function=measure_camera, steps=1_300_000, minutes=30.0)
