@@ -9,7 +9,8 @@ import sys
 import pytest
 
 import workbench as wb
-from workbench.__main__ import main
+from workbench.__main__ import _same_sources, main
+from workbench.studies.tables import STUDIES
 
 FAST = ["--drive", "planar", "--followers", "2", "--steps", "3000"]
 
@@ -313,3 +314,20 @@ def test_being_told_to_end_is_an_interruption(tmp_path):
 def test_unknown_flags_are_refused_with_a_hint(capsys):
     assert main(["learn", "--outt", "x"]) == 2
     assert "No such option" in capsys.readouterr().err
+
+
+def test_workers_that_measure_otherwise_are_refused():
+    class Cluster:
+        """Two workers: one has this process's sources, the other those that it is told."""
+
+        def __init__(self, other):
+            self.other = other
+
+        def run(self, function, argument):
+            ours = function(argument)
+            return {"tcp://one": ours, "tcp://two": self.other or ours}
+
+    functions = [STUDIES[name].function for name in ("inner", "copies")]
+    _same_sources(Cluster(""), functions)
+    with pytest.raises(RuntimeError, match="with other sources or versions.*: tcp://two; update"):
+        _same_sources(Cluster("0" * 16), functions)

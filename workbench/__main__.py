@@ -183,7 +183,8 @@ def study(name: str, scheduler: str | None, workers: int, out: str | None) -> Re
             from distributed import Client
 
             client = stack.enter_context(Client(scheduler, timeout="20s"))
-            _same_sources(client, run_study)
+            functions = [STUDIES[one].function for one in names if one in STUDIES]
+            _same_sources(client, functions)
             executor = client.get_executor()
         tables = {
             one: run_study(one, executor=executor, workers=workers, out=folder) for one in names
@@ -191,19 +192,21 @@ def study(name: str, scheduler: str | None, workers: int, out: str | None) -> Re
     return {"lines": {one: len(table) for one, table in tables.items()}}
 
 
-def _same_sources(client: Any, function: Callable[..., Any]) -> None:
+def _same_sources(client: Any, functions: list[Callable[..., Any]]) -> None:
     """Refuse a cluster without workers, or with workers that run other sources than these."""
     from workbench.sources import digest_of
 
-    theirs = client.run(digest_of, function)
-    if not theirs:
-        raise RuntimeError("the scheduler has no workers; start some with: dask worker ADDRESS")
-    ours = digest_of(function)
-    others = sorted(worker for worker, digest in theirs.items() if digest != ours)
+    others: set[str] = set()
+    for function in functions:
+        theirs = client.run(digest_of, function)
+        if not theirs:
+            raise RuntimeError("the scheduler has no workers; start some with: dask worker ADDRESS")
+        ours = digest_of(function)
+        others |= {worker for worker, digest in theirs.items() if digest != ours}
     if others:
         raise RuntimeError(
-            f"workers with other sources or versions of the workbench: {', '.join(others)}; "
-            "update them"
+            "workers with other sources or versions of the workbench: "
+            f"{', '.join(sorted(others))}; update them"
         )
 
 

@@ -62,9 +62,8 @@ def parent() -> Path:
     """Return the folder in which this process keeps compiled code."""
     settings: Any = numba.config  # its names are made at run time
     chosen = settings.CACHE_DIR
-    for place in (
-        [Path(chosen)] if chosen else _parents()
-    ):  # a folder of the user's own choice is respected
+    # a folder of the user's own choice is respected
+    for place in [Path(chosen)] if chosen else _parents():
         with contextlib.suppress(OSError):
             place.mkdir(parents=True, exist_ok=True, mode=0o700)
             if os.access(place, os.W_OK) and _own(place):
@@ -109,9 +108,8 @@ def _remove_old(module: str) -> None:
 def compiled(function: F) -> Dispatcher[F]:
     """Return the function compiled by numba without Python objects, cached on disk."""
     settings: Any = numba.config
-    if (
-        sources.file_of(function.__module__) is None
-    ):  # nobody knows what a script's function depends on
+    # nobody knows what a script's function depends on
+    if sources.file_of(function.__module__) is None:
         return njit(nogil=True)(function)
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder(function.__module__))

@@ -81,7 +81,7 @@ def drive_body(
     """Write what a command makes of the wheels of robot i in a formation's ctrl row.
 
     Args:
-        task, robot: records of type TASK and FOLLOWER; the robot's ``queue`` holds commands on
+        task, robot: records of type TASK and ROBOT; its ``body.queue`` holds commands on
             their way.
         left, right: the command in steps/s.
         z_left, z_right: standard normal numbers of this period's slip.

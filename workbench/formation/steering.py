@@ -81,7 +81,7 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[in
     Args:
         task: TASK record: ``law``, ``gain`` (8,), ``middle`` (d*, m), ``slowest`` and ``fastest``
             (steps/s of a wheel).
-        follower: FOLLOWER record; its ``state`` is -1 where an episode begins.
+        follower: ROBOT record; its ``choice.state`` is -1 where an episode begins.
         distance, bearing: of the predecessor, m and rad.
     """
     law = task.law.number

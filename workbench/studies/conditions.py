@@ -23,24 +23,28 @@ COMPUTE_TIMES_S = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
 
 
 def with_learner(config: ConvoyConfig, **changes: float | str | bool) -> ConvoyConfig:
+    """Return a configuration with other fields of its learner."""
     return replace(
         config, learner=fields.from_dict(LearnerConfig, fields.to_dict(config.learner) | changes)
     )
 
 
 def with_infrared(config: ConvoyConfig, **changes: float | str | bool) -> ConvoyConfig:
+    """Return a configuration with other fields of its infrared sensors."""
     return replace(
         config, infrared=fields.from_dict(InfraredConfig, fields.to_dict(config.infrared) | changes)
     )
 
 
 def routes() -> dict[str, tuple[ConvoyConfig, int]]:
+    """Return by which a follower can be told where its predecessor is, and for how many updates."""
     infrared = replace(SETTINGS["infrared"], drive="planar", followers=1)
     camera = {"camera": (replace(BASE, sensing="camera"), 200_000)}
     return camera | {route: (replace(infrared, sensing=route), 100_000) for route in INFRARED}
 
 
 def travels() -> Sequence[tuple[Labels, ConvoyConfig, int]]:
+    """Return all routes with the paper's large and small table: labels, configuration, updates."""
     return [
         (
             {"route": route, "table": f"{n}×{n}/{m}×{m}"},

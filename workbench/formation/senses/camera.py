@@ -53,7 +53,7 @@ def camera_pose(
     """Track one robot for one control period.
 
     Args:
-        task, robot: records of type TASK and FOLLOWER.
+        task, robot: records of type TASK and ROBOT.
         sight: (4,) with pixels: x, y in m, heading in rad, found.
         lens: (3, n, n) with the model: systematic errors.
         normal: (3,) standard normal numbers; u: a uniform number in [0, 1).

@@ -84,7 +84,7 @@ PERCEPTION = np.dtype(
 
 @compiled
 def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
-    """Read the eight sensors of robot i into its ``prox``, as whole calibrated counts.
+    """Read the eight sensors of robot i into its ``readings``, as whole calibrated counts.
 
     Args:
         task: record of type TASK.
