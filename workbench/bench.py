@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled_with_arrays
 from workbench.envs.environments import FollowVectorEnv
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
@@ -223,7 +223,7 @@ def _updates(count: int = 200_000, turns: int = 9) -> dict[str, float]:
     }
 
 
-@compiled
+@compiled_with_arrays
 def _replay(learner: Any, states: Any, actions: Any, rho: Any) -> None:
     """Learn a given walk with reward -1, as the followers do, in one compiled loop."""
     phi = Features(np.empty(1, np.int64), np.ones(1))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, compiled_with_arrays
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
 from workbench.formation.records import PERIOD
@@ -168,7 +168,7 @@ def _reduce(block: Any, sums: Any, visits: Any) -> None:
             row[12] += step.phase == LOST
 
 
-@compiled
+@compiled_with_arrays
 def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None:
     """Add to counts (followers,) how often each began to touch a robot in front of it in line.
 

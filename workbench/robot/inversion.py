@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, compiled_with_arrays
 from workbench.robot.infrared import (
     DARK,
     InfraredConfig,
@@ -82,7 +82,7 @@ def invert(table: Any, left: float, right: float) -> tuple[float, float]:
     return distance, bearing
 
 
-@compiled
+@compiled_with_arrays
 def pairs(
     distances: Any, bearings: Any, radius: float, strength: float, beacon: int, out: Any
 ) -> None:
