@@ -29,7 +29,7 @@ def machine():
     """Return a hash of what this machine's mathematics library and compiler make of the same
     numbers.
     """
-    from workbench.formation.steering import wrap
+    from workbench.formation.angles import wrap
 
     x = np.linspace(-7.0, 7.0, 2001)
     compiled = [wrap(value) for value in x[::10]]
@@ -48,8 +48,10 @@ def _configs():
     from workbench.arena.tracks import TrackConfig
     from workbench.formation.body import BodyConfig
     from workbench.formation.config import SETTINGS, ConvoyConfig
-    from workbench.formation.functions import OwnLaw, own_reward
-    from workbench.formation.laws import LAWS, LPsi, quantised_carrot
+    from workbench.formation.laws.l_psi import LPsi
+    from workbench.formation.laws.own import OwnLaw
+    from workbench.formation.laws.table import LAWS, quantised_carrot
+    from workbench.formation.own_reward import own_reward
     from workbench.learning.config import RULES, LearnerConfig
     from workbench.robot.description import load_robot
     from workbench.robot.infrared import InfraredConfig
@@ -106,18 +108,21 @@ def _configs():
     # laws
     for name, law in LAWS.items():
         for drive in ("wheels", "planar"):
-            cases[f"law {name}, {drive}"] = (replace(planar, drive=drive), {"law": law()})
-    cases["law l-psi, point half way"] = (planar, {"law": LPsi(ahead_m=0.075)})
-    cases["law with noise"] = (noisy, {"law": LAWS["path"](half_window=4)})
-    cases["law on infrared"] = (replace(infrared, sensing="ir-metric"), {"law": LAWS["carrot"]()})
-    cases["law on a camera"] = (replace(planar, sensing="camera"), {"law": LAWS["pursuit"]()})
+            cases[f"law {name}, {drive}"] = (replace(planar, drive=drive), {"policy": law()})
+    cases["law l-psi, point half way"] = (planar, {"policy": LPsi(ahead_m=0.075)})
+    cases["law with noise"] = (noisy, {"policy": LAWS["path"](half_window=4)})
+    cases["law on infrared"] = (
+        replace(infrared, sensing="ir-metric"),
+        {"policy": LAWS["carrot"]()},
+    )
+    cases["law on a camera"] = (replace(planar, sensing="camera"), {"policy": LAWS["pursuit"]()})
     cases["law, truth-relative"] = (
         replace(planar, sensing="truth-relative"),
-        {"law": LAWS["path"]()},
+        {"policy": LAWS["path"]()},
     )
     cases["law of one's own"] = (
         planar,
-        {"law": OwnLaw(function=lambda d, b: (0.06 + 2 * (d - 0.15), 4 * b))},
+        {"policy": OwnLaw(function=lambda d, b: (0.06 + 2 * (d - 0.15), 4 * b))},
     )
     cases["quantised carrot"] = (planar, greedy | {"policy": quantised_carrot(planar).theta})
     # rules, tilings, schedules, traces, buffer
@@ -255,10 +260,10 @@ def run_outside(config, robot):
     """
     from workbench.formation.convoy import Convoy
     from workbench.formation.follower import LOSS
-    from workbench.formation.laws import Outside
+    from workbench.formation.laws.outside import Outside
 
     law = Outside() if robot is None else None
-    convoy = Convoy(config, [1, 2], periods=10**6, law=law, external=robot, threads=1)
+    convoy = Convoy(config, [1, 2], periods=10**6, policy=law, external=robot, threads=1)
     rng = np.random.default_rng(3)
     kept = []
     for t in range(PERIODS):
@@ -320,7 +325,7 @@ def run_records(drive):
     motion.
     """
     from workbench.formation.config import ConvoyConfig
-    from workbench.formation.laws import CarrotPI
+    from workbench.formation.laws.carrot import CarrotPI
     from workbench.lab.runs import evaluate, learn
     from workbench.measures.judder import judder
     from workbench.measures.motion import chatter, follow

@@ -8,9 +8,9 @@ from .envs.environments import FollowEnv as FollowEnv
 from .formation.config import ConvoyConfig as ConvoyConfig
 from .formation.config import SETTINGS as SETTINGS
 from .formation.convoy import Convoy as Convoy
-from .formation.functions import OwnLaw as OwnLaw
-from .formation.laws import LAWS as LAWS
-from .formation.laws import quantised_carrot as quantised_carrot
+from .formation.laws.own import OwnLaw as OwnLaw
+from .formation.laws.table import LAWS as LAWS
+from .formation.laws.table import quantised_carrot as quantised_carrot
 from .formation.places import still_world as still_world
 from .formation.policy import Policy as Policy
 from .lab.runs import Run as Run

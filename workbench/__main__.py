@@ -134,7 +134,7 @@ def evaluate(
     """
     from workbench import fields
     from workbench.formation.config import ConvoyConfig
-    from workbench.formation.laws import LAWS, Controller
+    from workbench.formation.laws.table import LAWS, Controller
     from workbench.lab import runs
 
     policy: Controller

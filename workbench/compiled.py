@@ -22,20 +22,21 @@ import getpass
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, TypeVar
 
 import numba
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
 from workbench import sources
 
 F = TypeVar("F", bound=Callable[..., object])
+_njit: Any = numba.njit  # its declaration leaves out options
 _KEPT = 3  # folders of earlier sources, of every module
 
 
@@ -111,23 +112,42 @@ def compiled(function: F) -> Dispatcher[F]:
     It may allocate nothing: without arrays of its own to free, numba leaves out counting who holds
     an array, which is half of the control loop's time.
     """
-    return _njit(function, _nrt=False)
+    return _cached(function, _nrt=False)
 
 
 def compiled_with_arrays(function: F) -> Dispatcher[F]:
     """Return the function compiled as by ``compiled``, for one that makes new arrays."""
-    return _njit(function)
+    return _cached(function)
 
 
-def _njit(function: F, **options: bool) -> Dispatcher[F]:
+def chosen(functions: Sequence[Any]) -> Any:
+    """Return a compiled function that calls one of several, all with the same arguments and types:
+    ``chosen([f, g])(1, x)`` is ``g(x)``. What follows the last number is the last function.
+    """
+    first, *others = functions
+    if not others:
+        return _njit(nogil=True, _nrt=False)(lambda number, *arguments: first(*arguments))
+    rest = chosen(others)
+
+    def choose(number: int, *arguments: Any) -> Any:
+        if number == 0:
+            return first(*arguments)
+        return rest(number - 1, *arguments)
+
+    return _njit(nogil=True, _nrt=False)(choose)
+
+
+def _cached(function: F, **options: bool) -> Dispatcher[F]:
     settings: Any = numba.config
     # nobody knows what a script's function depends on
     if sources.file_of(function.__module__) is None:
-        return njit(nogil=True)(function)
+        kept: Dispatcher[F] = _njit(nogil=True)(function)
+        return kept
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder(function.__module__))
     try:
-        return njit(cache=True, nogil=True, **options)(function)
+        kept = _njit(cache=True, nogil=True, **options)(function)
+        return kept
     finally:
         settings.CACHE_DIR = before
 

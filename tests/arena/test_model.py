@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from workbench.arena.model import TIMESTEP, build_model
+from workbench.arena.drives.table import DRIVES, NUMBERS
+from workbench.arena.model import build_model
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.arena.world import World, read_pose
 from workbench.robot import geometry
@@ -115,7 +116,7 @@ def test_full_speed_reversals_do_not_tip_the_robot():
 def test_model_has_the_cited_masses_and_no_mujoco_warning(drive):
     model = build_model(5, drive)
     assert model.body_mass.sum() == pytest.approx(5 * geometry.BODY_MASS)
-    assert model.opt.timestep == TIMESTEP[drive]
+    assert model.opt.timestep == DRIVES[drive].timestep_s
     data = mujoco.MjData(model)
     data.qpos[:] = World(4, [STRAIGHT], drive=drive, spacing_m=0.15).qpos[0]
     data.ctrl[:] = 0.05
@@ -128,7 +129,7 @@ def test_heading_is_read_back_from_any_quaternion():
     world = _world("wheels", robots=1)
     for heading in np.linspace(-3.1, 3.1, 13):
         world.place(0, 0, 0.1, -0.2, heading)
-        x, y, c, s = read_pose(world.qpos[0], 0, True)
+        x, y, c, s = read_pose(world.qpos[0], 0, NUMBERS["wheels"])
         assert (x, y) == (0.1, -0.2) and math.atan2(s, c) == pytest.approx(heading)
 
 

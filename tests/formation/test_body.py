@@ -175,7 +175,7 @@ def test_a_fleet_is_the_same_robots_whatever_the_seed_and_zero_those_of_the_run(
         return [robots[part][name].copy() for part, names in kinds.items() for name in names]
 
     def lens(config, seed):
-        return wb.Convoy(config, [seed], periods=1, threads=1)._lens.copy()
+        return wb.Convoy(config, [seed], periods=1, threads=1).lens.copy()
 
     for one, other in zip(
         who(replace(infrared, fleet=7), 1), who(replace(infrared, fleet=7), 2), strict=True

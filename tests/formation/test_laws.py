@@ -12,22 +12,23 @@ import pytest
 from numba import njit
 
 from workbench.arena.tracks import TrackConfig
-from workbench.formation.config import INFRARED, SENSING, SETTINGS, ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS, RECOVERED, Memory, act
-from workbench.formation.laws import (
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.l_psi import LPsi, l_psi
+from workbench.formation.laws.leader_frame import LeaderFrame, leader_frame
+from workbench.formation.laws.path import PathReconstruction
+from workbench.formation.laws.pursuit import PurePursuit, pursuit_turn
+from workbench.formation.laws.table import (
     LAWS,
-    CarrotPI,
-    LeaderFrame,
-    LPsi,
-    PathReconstruction,
-    PurePursuit,
+    check_law,
     controller_from_arrays,
     quantised_carrot,
 )
 from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reset import FOLLOW
-from workbench.formation.steering import l_psi, leader_frame, pursuit_turn
+from workbench.formation.senses.table import INFRARED, SENSING
 from workbench.lab.runs import evaluate, evaluate_seeds, load_run
 from workbench.learning.kernel import new_trace
 from workbench.measures.motion import follow
@@ -134,7 +135,7 @@ class _Driven:
 
     def __init__(self, law, **changes):
         self.config = ConvoyConfig(followers=1, drive="planar", **changes)
-        self.task = Convoy(self.config, [1], periods=1, law=law).task
+        self.task = Convoy(self.config, [1], periods=1, policy=law).task
         self.follower = np.zeros(1, ROBOT)
         self.step = np.zeros(1, PERIOD)
         self.follower["choice"]["state"] = -1
@@ -282,7 +283,7 @@ def test_a_law_runs_exactly_where_its_needs_are_met(name, sensing):
         evaluate(law, config, minutes=0.2, progress=False)
     less = "(or a law that needs less: carrot, pursuit, path|no law does with less)"
     with pytest.raises(ValueError, match=f"use sensing = 'truth'.*, {less}"):
-        Convoy(config, [1], periods=10, law=law)
+        Convoy(config, [1], periods=10, policy=law)
 
 
 def test_laws_that_need_no_more_do_not_notice_the_reduced_mode():
@@ -307,7 +308,7 @@ def test_learners_and_laws_sense_with_the_same_noise():
         quantised_carrot(noisy),
     ):  # what the follower was told, against where it really was
         law = policy if isinstance(policy, CarrotPI) else None
-        convoy = Convoy(noisy, [5], periods=600, law=law, policy=None if law else policy.theta)
+        convoy = Convoy(noisy, [5], periods=600, policy=law or policy.theta)
         block = convoy.run_block()[0][:600]
         gap = np.hypot(block["x"][:, 0] - block["x"][:, 1], block["y"][:, 0] - block["y"][:, 1])
         told = (
@@ -357,11 +358,11 @@ def test_laws_survive_their_arrays(name):
         ),
         (lambda: CarrotPI(k=1.0), "CarrotPI has no field 'k'"),
         (
-            lambda: LPsi(ahead_m=0.16).check(PLANAR),
+            lambda: check_law(LPsi(ahead_m=0.16), PLANAR),
             r"LPsi.ahead_m = 0.16; expected less than the wanted distance d\* = 0.15 m",
         ),
         (
-            lambda: Convoy(PLANAR, [1], steps=10, law=CarrotPI()),
+            lambda: Convoy(PLANAR, [1], steps=10, policy=CarrotPI()),
             "a law has no weights and does not learn",
         ),
         (
@@ -409,7 +410,7 @@ def test_a_restart_voids_what_was_measured_of_the_predecessor():
         PLANAR, reset="restart", distance_m=(0.14, 0.16), track=TrackConfig(judder="none")
     )
     convoy = Convoy(
-        config, [1], periods=3000, law=LPsi(k_length=0.0)
+        config, [1], periods=3000, policy=LPsi(k_length=0.0)
     )  # its distance is not controlled: it will be lost
     lost = 0
     while not convoy.finished:

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import workbench as wb
-from workbench.formation.config import SENSING
 from workbench.formation.policy import UNITS
+from workbench.formation.senses.table import SENSING
 from workbench.lab.weights import Weights, describe, load_policy, load_weights, write_weights
 
 BASE = wb.ConvoyConfig(followers=1, drive="planar")

@@ -11,7 +11,7 @@ import pytest
 
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.laws import CarrotPI
+from workbench.formation.laws.carrot import CarrotPI
 from workbench.lab.records import sampled_blocks
 from workbench.lab.runs import evaluate
 from workbench.measures.judder import deviations, judder, tractrix_gain, tractrix_line, transfer

@@ -12,7 +12,8 @@ import pytest
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import EXPLORED
-from workbench.formation.laws import CarrotPI, quantised_carrot
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.table import quantised_carrot
 from workbench.formation.places import track_of
 from workbench.formation.records import PERIOD
 from workbench.formation.reset import FOLLOW, TURN
@@ -124,7 +125,7 @@ def test_following_greedily_is_what_evaluate_does_and_knows_its_track():
     np.testing.assert_array_equal(motion.command, from_run.command)
     np.testing.assert_array_equal(motion.track.line, track_of(PLANAR).line)
     assert as_motion(motion) is motion and motion.fs == 10.0
-    assert Convoy(PLANAR, [2], periods=600, law=CarrotPI()).whole().shape == (600, 3)
+    assert Convoy(PLANAR, [2], periods=600, policy=CarrotPI()).whole().shape == (600, 3)
 
 
 def test_a_shorter_run_with_the_horizon_of_a_longer_one_is_how_that_one_begins():

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import workbench as wb
-from workbench.formation.laws import CarrotPI
+from workbench.formation.laws.carrot import CarrotPI
 from workbench.view.animation import animated_png
 from workbench.view.scenes import LiveScene
 

@@ -9,7 +9,7 @@ import pytest
 
 import workbench as wb
 from workbench import paths
-from workbench.formation.laws import CarrotPI
+from workbench.formation.laws.carrot import CarrotPI
 from workbench.learning.config import LearnerConfig
 from workbench.logs.recordings import load_recording
 from workbench.robot.description import load_robot

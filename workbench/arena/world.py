@@ -25,19 +25,21 @@ import numpy as np
 from mujoco import batch as mujoco_batch
 from numpy.typing import NDArray
 
+from workbench.arena.drives.table import DRIVES, NUMBERS, read
 from workbench.arena.floor import draw_floors
-from workbench.arena.model import ACTUATORS, QPOS, TIMESTEP, build_model
+from workbench.arena.model import build_model
 from workbench.arena.tracks import Track
 from workbench.compiled import compiled
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.motors import wheel_speed
 
-# what commands become: whether wheels turn, rad (wheels) or m (planar) per step, steps/s at most,
+# what commands become: the drive, its actuators per robot, their units per step, steps/s at most,
 # the timer's ticks per second
 MOTORS = np.dtype(
     [
-        ("wheels", "i8"),
+        ("drive", "i8"),
+        ("actuators", "i8"),
         ("per_step", "f8"),
         ("most", "i8"),
         ("ticks", "i8"),
@@ -49,11 +51,10 @@ MOTORS = np.dtype(
 
 def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
     """Return the fields of MOTORS for a robot and a drive."""
-    wheels = drive == "wheels"
-    per_step = 2 * math.pi / robot.steps_per_turn if wheels else robot.step_m
     return {
-        "wheels": wheels,
-        "per_step": per_step,
+        "drive": NUMBERS[drive],
+        "actuators": len(DRIVES[drive].actuators),
+        "per_step": DRIVES[drive].per_step(robot),
         "most": robot.most_steps,
         "ticks": robot.timer_hz,
         "step_m": robot.step_m,
@@ -62,22 +63,12 @@ def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
 
 
 @compiled
-def read_pose(qpos: Any, robot: int, wheels: bool) -> tuple[float, float, float, float]:
+def read_pose(qpos: Any, robot: int, drive: int) -> tuple[float, float, float, float]:
     """Return x, y in m and the cosine and sine of the heading of a robot, from its formation's qpos
     row.
     """
-    if wheels:
-        k = 9 * robot
-        q0 = qpos[k + 3]
-        q1 = qpos[k + 4]
-        q2 = qpos[k + 5]
-        q3 = qpos[k + 6]
-        c = q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3
-        s = 2.0 * (q0 * q3 + q1 * q2)
-        norm = math.sqrt(c * c + s * s)
-        return qpos[k], qpos[k + 1], c / norm, s / norm
-    k = 3 * robot
-    return qpos[k], qpos[k + 1], math.cos(qpos[k + 2]), math.sin(qpos[k + 2])
+    x, y, c, s = read(drive, qpos, robot)
+    return x, y, c, s
 
 
 @compiled
@@ -85,10 +76,9 @@ def write_command(ctrl: Any, motors: Any, robot: int, left: int, right: int) -> 
     """Set a robot's wheel speeds in a formation's ctrl row, from whole steps/s through the
     firmware's quantisation.
 
-    ``motors`` has ``wheels``, ``per_step`` (rad on wheels, m planar), ``most`` and ``ticks``: a
-    record of type MOTORS.
+    ``motors`` is a record of type MOTORS.
     """
-    k = 2 * robot if motors.wheels else 3 * robot
+    k = motors.actuators * robot
     ctrl[k] = wheel_speed(left, motors.most, motors.ticks) * motors.per_step
     ctrl[k + 1] = wheel_speed(right, motors.most, motors.ticks) * motors.per_step
 
@@ -113,7 +103,7 @@ class World:
         threads: MuJoCo's threads; 0 takes one per formation, at most one per core.
 
     Attributes:
-        robot: the description of the robots.
+        robot, drive: what the robots are, and how they are driven.
         model, batch: MuJoCo's own objects, open to every use.
         qpos, ctrl: live (B, nq) and (B, nu) views.
         states: live (B, nstate) rows that hold the whole physics.
@@ -137,11 +127,10 @@ class World:
         self._motors = np.zeros(1, MOTORS)
         for name, value in motors_of(robot, drive).items():
             self._motors[name] = value
-        self.drive = drive
-        self.wheels = drive == "wheels"
+        self.drive = DRIVES[drive]
         self.robots = followers + 1
         self.tracks = tracks
-        self.substeps = round(CONTROL_PERIOD / TIMESTEP[drive])
+        self.substeps = round(CONTROL_PERIOD / self.drive.timestep_s)
         cores = (
             len(os.sched_getaffinity(0))
             if hasattr(os, "sched_getaffinity")
@@ -192,30 +181,17 @@ class World:
 
     def pose(self, formation: int, robot: int) -> tuple[float, float, float]:
         """Return a robot's x, y in m and heading in rad."""
-        x, y, c, s = read_pose(self.qpos[formation], robot, self.wheels)
+        x, y, c, s = read_pose(self.qpos[formation], robot, NUMBERS[self.drive.name])
         return x, y, math.atan2(s, c)
 
     def place(self, formation: int, robot: int, x: float, y: float, heading: float) -> None:
         """Put a robot at rest at x, y (m) with a heading (rad)."""
-        width = QPOS[self.drive]
+        width = self.drive.qpos
         row = self.qpos[formation, width * robot : width * (robot + 1)]
-        if self.wheels:
-            row[:] = (
-                x,
-                y,
-                self.robot.wheel_radius_m,
-                math.cos(heading / 2),
-                0,
-                0,
-                math.sin(heading / 2),
-                0,
-                0,
-            )
-        else:
-            row[:] = (x, y, heading)
+        row[:] = self.drive.at_rest(self.robot, x, y, heading)
         dofs = self.model.nv // self.robots
         self.batch.bind("qvel")[formation, dofs * robot : dofs * (robot + 1)] = 0
-        count = len(ACTUATORS[self.drive])
+        count = len(self.drive.actuators)
         self.ctrl[formation, count * robot : count * (robot + 1)] = 0
 
     def _line_up(self, formation: int, track: Track, spacing_m: float) -> None:

@@ -13,7 +13,7 @@ Options of all three, after the configuration (default: planar drive):
                   "infrared": eight proximity readings in counts (with infrared sensing)
     actions       "discrete": pairs of speed levels, a = i_left * levels + i_right; "continuous":
                   left and right speed, from -1, the slowest level, to 1, the fastest
-    reward        a function of your own, r(u, v), see ``formation.functions``; default: the
+    reward        a function of your own, r(u, v), see ``functions``; default: the
                   configuration's
     seconds       of simulated time after which an episode is truncated
 
@@ -51,7 +51,7 @@ from workbench.envs.formations import Flags, Floats, Formations
 from workbench.envs.registration import register
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.functions import Reward
+from workbench.formation.own_reward import Reward
 from workbench.robot.geometry import CONTROL_PERIOD
 
 _PLANAR = ConvoyConfig(drive="planar")

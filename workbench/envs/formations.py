@@ -19,12 +19,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
-from workbench.formation.functions import Reward, trouble, with_reward
-from workbench.formation.laws import Outside
+from workbench.formation.laws.outside import Outside
+from workbench.formation.own_reward import Reward, trouble, with_reward
 from workbench.formation.reward import OWN
+from workbench.formation.senses.table import INFRARED
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import ADC, SENSORS
 
@@ -49,38 +50,7 @@ class Formations:
         reward: Reward | None,
         seconds: float,
     ) -> None:
-        if not isinstance(config, ConvoyConfig):
-            raise TypeError(f"config is a {type(config).__name__}; expected a ConvoyConfig")
-        for name, value, options in (
-            ("observation", observation, OBSERVATIONS),
-            ("actions", actions, ACTIONS),
-        ):
-            if value not in options:
-                raise ValueError(
-                    f"{name} = {value!r}; expected one of {', '.join(map(repr, options))}"
-                )
-        if observation == "infrared" and config.sensing not in INFRARED:
-            raise ValueError(
-                f"observation = {observation!r} with sensing = {config.sensing!r}; expected "
-                "sensing = 'ir-metric' or 'ir-raw': "
-                "then the bounds are judged by what the robot sees, too"
-            )
-        if config.reward == OWN and reward is None:
-            raise ValueError(
-                f"ConvoyConfig.reward = {OWN!r} without a function; expected reward=, the "
-                "function of the run"
-            )
-        if config.compute_time_s:
-            raise ValueError(
-                f"ConvoyConfig.compute_time_s = {config.compute_time_s!r}; an environment "
-                "does not know how long its learner "
-                "computes: expected 0, or body.delay for commands that are late"
-            )
-        if formations < 1 or not 0 < seconds < math.inf:
-            raise ValueError(
-                f"formations = {formations!r}, seconds = {seconds!r}; expected at least 1, "
-                "and more than 0"
-            )
+        _check(config, formations, observation, actions, reward, seconds)
         self._convoy: Convoy | None = None
         config, self.own = with_reward(config, reward)
         # who puts followers back is the environment: a formation must not restart by itself
@@ -120,7 +90,7 @@ class Formations:
         """Make all formations anew and begin an episode in each."""
         seeds = [seed + k for k in range(self.formations)]
         self._convoy = Convoy(
-            self.config, seeds, periods=10**12, law=Outside(), reward=self.own, threads=1
+            self.config, seeds, periods=10**12, policy=Outside(), reward=self.own, threads=1
         )
         self.rng = np.random.default_rng([seed, 1])
         self.t = 0
@@ -219,7 +189,7 @@ class Formations:
             )
         found = self.sense()
         self._only(None)
-        if said := trouble(self.convoy.robots, None, self.own):
+        if said := trouble(self.convoy.robots, self.own):
             raise ValueError(said)
         return found
 
@@ -271,3 +241,44 @@ class Formations:
         u = (robots["seen"]["distance"] - self.config.middle_m) / self.config.half_range_m
         v = robots["seen"]["bearing"] / self.config.bearing_limit_rad
         return np.clip(np.stack([u, v], axis=-1), -CLIP, CLIP).astype(np.float32)
+
+
+def _check(
+    config: object,
+    formations: int,
+    observation: str,
+    actions: str,
+    reward: Reward | None,
+    seconds: float,
+) -> None:
+    """Refuse what no environment can be made of."""
+    if not isinstance(config, ConvoyConfig):
+        raise TypeError(f"config is a {type(config).__name__}; expected a ConvoyConfig")
+    for name, value, options in (
+        ("observation", observation, OBSERVATIONS),
+        ("actions", actions, ACTIONS),
+    ):
+        if value not in options:
+            raise ValueError(f"{name} = {value!r}; expected one of {', '.join(map(repr, options))}")
+    if observation == "infrared" and config.sensing not in INFRARED:
+        raise ValueError(
+            f"observation = {observation!r} with sensing = {config.sensing!r}; expected "
+            "sensing = 'ir-metric' or 'ir-raw': "
+            "then the bounds are judged by what the robot sees, too"
+        )
+    if config.reward == OWN and reward is None:
+        raise ValueError(
+            f"ConvoyConfig.reward = {OWN!r} without a function; expected reward=, the "
+            "function of the run"
+        )
+    if config.compute_time_s:
+        raise ValueError(
+            f"ConvoyConfig.compute_time_s = {config.compute_time_s!r}; an environment "
+            "does not know how long its learner "
+            "computes: expected 0, or body.delay for commands that are late"
+        )
+    if formations < 1 or not 0 < seconds < math.inf:
+        raise ValueError(
+            f"formations = {formations!r}, seconds = {seconds!r}; expected at least 1, "
+            "and more than 0"
+        )

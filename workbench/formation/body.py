@@ -4,7 +4,7 @@ Wheels and axles differ from robot to robot, wheels slip, commands arrive some c
 and now and then no reading arrives. All of it is off by default and all sizes are our assumptions;
 the paper only says that motors and sensors vary.
 
-The same kinematics serves both drives: a robot with wheels of (1 + a) times the nominal radius on
+The same kinematics serves all drives: a robot with wheels of (1 + a) times the nominal radius on
 an axle of (1 + b) times the nominal width moves as the nominal one would with mean speed (1 + a) v
 and difference of speeds (1 + a) / (1 + b) Δv.
 
@@ -91,7 +91,7 @@ def drive_body(
             robot.body.queue[k, 0], left = left, robot.body.queue[k, 0]
             robot.body.queue[k, 1], right = right, robot.body.queue[k, 1]
     write_command(ctrl, task.motors, i, left, right)
-    k = 2 * i if task.motors.wheels else 3 * i
+    k = task.motors.actuators * i
     mean = (ctrl[k] + ctrl[k + 1]) / 2
     half = (ctrl[k + 1] - ctrl[k]) / 2
     ctrl[k] = (

@@ -7,36 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.camera.config import CameraConfig
-from workbench.arena.model import DRIVES, TIMESTEP
+from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import TrackConfig
-from workbench.compiled import uncompiled
 from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
 from workbench.formation.body import BodyConfig
-from workbench.formation.readings import reading_tilings
 from workbench.formation.reward import OWN, PRESETS
+from workbench.formation.senses.table import SENSES
 from workbench.learning.config import LearnerConfig
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import MODULES
-from workbench.robot.infrared import InfraredConfig, front_pair
-from workbench.robot.inversion import DISTANCES, WIDEST
+from workbench.robot.infrared import InfraredConfig
 
 TILINGS = ("uniform", "logarithmic")
 MAX_TILINGS = 8
-# What each sensing mode tells a follower: distance and bearing of its predecessor, its own
-# odometry, and more about the predecessor. A learner needs the first two; classical laws declare
-# what they need.
-SENSING = {
-    "truth": ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
-    "truth-relative": ("distance", "bearing", "odometry"),
-    "camera": ("distance", "bearing", "odometry"),
-    "pixels": ("distance", "bearing", "odometry"),
-    "ir-metric": ("distance", "bearing", "odometry"),
-    "ir-raw": ("readings", "odometry"),
-}
-CAMERA = ("camera", "pixels")
-INFRARED = ("ir-metric", "ir-raw")
 FASTEST = 10.0  # m/s, of any robot
 
 
@@ -50,15 +35,12 @@ class ConvoyConfig:
     """
 
     followers: int = integer(1, 256, "", "robots behind the leader", default=4)
-    drive: str = choice(DRIVES, "fidelity of the simulated robot", default="wheels")
+    drive: str = choice(tuple(DRIVES), "fidelity of the simulated robot", default="wheels")
     robot: RobotConfig = part(RobotConfig, "sizes, masses and motors of the robots", default=EPUCK)
     sensing: str = choice(
-        tuple(SENSING),
-        "where the errors come from: truth reads the simulator's poses; truth-relative only "
-        "distance and bearing of them; "
-        "pixels draws and searches pictures of an overhead camera; camera is a fast model of "
-        "their errors; "
-        "ir-metric inverts two infrared readings; ir-raw tiles the readings themselves",
+        tuple(SENSES),
+        "where the errors come from: "
+        + "; ".join(f"{row.name} {row.tells}" for row in SENSES.values()),
         default="truth",
     )
     noise_distance_m: float = real(
@@ -198,14 +180,13 @@ class ConvoyConfig:
                 f"{self.middle_m:g} m on a track with radius_m = "
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
             )
-        if self.sensing in INFRARED:
-            self._check_infrared()
-        if self.sensing in CAMERA and self.noisy:
-            raise ValueError(
-                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, "
-                f"noise_bearing_rad = {self.noise_bearing_rad!r} with "
-                f"sensing = {self.sensing!r}; a camera has noise of its own: see camera.conditions"
-            )
+        SENSES[self.sensing].check(self)
+        self._check_time()
+        # refuses an even number of logarithmic cells and inner cells wider than the range
+        self.grids()
+
+    def _check_time(self) -> None:
+        """Refuse what does not go together in time: whose weights, delays, time steps."""
         if self.learner.rule == "true-online-sarsa" and self.weights == "shared":
             raise ValueError(
                 "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; "
@@ -219,15 +200,14 @@ class ConvoyConfig:
                 f"{self.compute_time_s!r} and no buffer; "
                 "expected one or the other: give the whole delay in control periods"
             )
-        steps = self.compute_time_s / TIMESTEP[self.drive]
+        timestep = DRIVES[self.drive].timestep_s
+        steps = self.compute_time_s / timestep
         if not math.isclose(steps, round(steps), rel_tol=1e-9):
             raise ValueError(
                 f"ConvoyConfig.compute_time_s = {self.compute_time_s!r}; expected a multiple "
-                f"of {TIMESTEP[self.drive]:g} s, "
+                f"of {timestep:g} s, "
                 f"the time step of the {self.drive!r} drive"
             )
-        # refuses an even number of logarithmic cells and inner cells wider than the range
-        self.grids()
 
     def _check_robot(self) -> None:
         robot = self.robot
@@ -244,42 +224,13 @@ class ConvoyConfig:
                 f"{robot.most_mps:.4f} m/s, "
                 "what this robot's wheels do"
             )
-        if robot != EPUCK and self.sensing in (*CAMERA, *INFRARED):
-            others = ", ".join(repr(mode) for mode in SENSING if mode not in (*CAMERA, *INFRARED))
+        if robot != EPUCK and SENSES[self.sensing].epuck:
+            others = ", ".join(repr(row.name) for row in SENSES.values() if not row.epuck)
             raise ValueError(
                 f"ConvoyConfig.sensing = {self.sensing!r} with a robot that is no e-puck; "
                 "markers, readings and what "
                 f"they look at were measured on e-pucks: expected {others} (with "
                 "noise_distance_m, noise_bearing_rad)"
-            )
-
-    def _check_infrared(self) -> None:
-        if self.noise_distance_m or self.noise_bearing_rad:
-            raise ValueError(
-                f"ConvoyConfig.noise_distance_m = {self.noise_distance_m!r}, "
-                f"noise_bearing_rad = {self.noise_bearing_rad!r} with "
-                f"sensing = {self.sensing!r}; readings have noise of their own: use infrared.noise"
-            )
-        far, _ = uncompiled(front_pair)(self.distance_m[1], 0.0, self.infrared)
-        if far < self.threshold_counts:
-            raise ValueError(
-                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = "
-                f"{self.sensing!r}; at {self.distance_m[1]:g} m a "
-                f"{self.infrared.target} reads {far:.1f} counts, below threshold_counts = "
-                f"{self.threshold_counts:g}: expected a "
-                "far bound at which the robot in front is still seen (0.13 for a cup)"
-            )
-        if self.distance_m[1] > DISTANCES[1]:
-            raise ValueError(
-                f"ConvoyConfig.distance_m = {self.distance_m!r} with sensing = "
-                f"{self.sensing!r}; two readings are inverted up to "
-                f"{DISTANCES[1]:g} m: expected a far bound of at most that"
-            )
-        if self.bearing_limit_rad > WIDEST:
-            raise ValueError(
-                f"ConvoyConfig.bearing_limit_rad = {self.bearing_limit_rad!r} with sensing = "
-                f"{self.sensing!r}; two readings tell "
-                f"a bearing up to {WIDEST:.2f} rad: expected at most that (0.436 is 25°)"
             )
 
     @property
@@ -300,7 +251,9 @@ class ConvoyConfig:
     @property
     def delay_steps(self) -> int:
         """Physics steps for which commands wait for an update; none with the buffer."""
-        return 0 if self.learner.buffer else round(self.compute_time_s / TIMESTEP[self.drive])
+        return (
+            0 if self.learner.buffer else round(self.compute_time_s / DRIVES[self.drive].timestep_s)
+        )
 
     def grid(self) -> TileGrid:
         """Return the tilings of the distance error (m) and of the bearing (rad), in the order of
@@ -309,10 +262,9 @@ class ConvoyConfig:
         With sensing "ir-raw": of the left and the right front reading in counts, see
         ``workbench.formation.readings``.
         """
-        if self.sensing == "ir-raw":
-            return TileGrid(
-                *reading_tilings(self.infrared, self.distance_m, self.state_tiles, self._tilings())
-            )
+        own = SENSES[self.sensing].tilings
+        if own is not None:
+            return TileGrid(*own(self))
         tilings = []
         for kind, count, half, inner, name in (
             (
@@ -341,9 +293,6 @@ class ConvoyConfig:
                     f"{inner!r}: {error}"
                 ) from None
         return TileGrid(*tilings)
-
-    def _tilings(self) -> tuple[str, str]:
-        return self.distance_tiling, self.bearing_tiling
 
     def grids(self) -> tuple[TileGrid, ...]:
         """Return the offset grids whose cells are the features; the first one is ``grid()``, whose

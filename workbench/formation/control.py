@@ -16,12 +16,10 @@ from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
 from workbench.formation.body import drive_body
 from workbench.formation.follower import LEARNED, LOSS, Memory, act, learn
+from workbench.formation.laws.table import OUTSIDE
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
-from workbench.formation.senses.camera import camera_pose, observe_tracked
-from workbench.formation.senses.infrared import look, sense_proximity
-from workbench.formation.senses.truth import observe
-from workbench.formation.steering import OUTSIDE, wrap
+from workbench.formation.senses.table import locate, see
 from workbench.learning.behaviour import epsilon_at
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import ground_reading
@@ -154,46 +152,24 @@ def _locate(task: Any, one: Any, formation: Any, i: int) -> None:
     """Note the pose of robot i, its motion where it is needed, and what a camera makes of it."""
     robot = one.robots[i]
     pose = robot.pose
-    pose.x, pose.y, pose.cos, pose.sin = read_pose(one.qpos, i, task.motors.wheels)
+    pose.x, pose.y, pose.cos, pose.sin = read_pose(one.qpos, i, task.motors.drive)
     period = one.block[i]
     period.x = pose.x
     period.y = pose.y
     period.heading = math.atan2(pose.sin, pose.cos)
-    camera = task.camera.mode
-    if task.law.number or task.infrared.sees or camera or task.run.external >= 0:
+    if task.run.moving:
         _measure_motion(robot)
-    if camera:
-        shown = formation.periods % task.camera.every == 0
-        chance = one.chance[i]
-        camera_pose(task, robot, one.sights[i], one.lens, chance.camera, chance.hidden, shown)
+    locate(task.sense.locate, task, one, formation, i)
 
 
 @compiled
 def _sense(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write what follower i sees of its predecessor; without a new reading the last one stays."""
-    robot = robots[i]
-    ahead = robots[i - 1]
-    seen = robot.seen
+    seen = robots[i].seen
     silent = task.body.any and seen.heard and chance.silence < task.body.silence
     seen.heard = 1
     seen.silent = silent
-    if task.infrared.sees:
-        if not silent:
-            sense_proximity(task, robots, i, chance.infrared)
-        seen.distance, seen.bearing = look(task, robot)
-    elif not silent:
-        if task.camera.mode:
-            distance, bearing = observe_tracked(robot, ahead)
-        else:
-            pose = robot.pose
-            distance, bearing = observe(
-                pose.x, pose.y, pose.cos, pose.sin, ahead.pose.x, ahead.pose.y
-            )
-        if task.noise.any:
-            distance = abs(distance + task.noise.distance * chance.noise[0])
-            bearing = wrap(bearing + task.noise.bearing * chance.noise[1])
-        seen.distance = distance
-        seen.bearing = bearing
+    see(task.sense.see, task, robots, i, chance)
 
 
 @compiled

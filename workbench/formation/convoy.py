@@ -28,24 +28,27 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.camera.eyes import Eyes
 from workbench.arena.world import World
 from workbench.formation.body import draw_bodies
-from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.control import DIVERGED, Arrays, carry_out, carry_out_all, control_step
 from workbench.formation.follower import begin_episode
-from workbench.formation.functions import OwnReward, check_reward, trouble
-from workbench.formation.laws import ControlLaw
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.table import check_law
+from workbench.formation.own_reward import OwnReward, check_reward, trouble
 from workbench.formation.places import track_of
 from workbench.formation.records import CHANCE, FORMATION, PERIOD, ROBOT
 from workbench.formation.reset import FOLLOW
-from workbench.formation.senses.camera import Eyes
-from workbench.formation.streams import CHILDREN, children, own_chance
+from workbench.formation.senses.infrared import equip as fit_sensors
+from workbench.formation.senses.sense import EVERYBODY, FOLLOWERS, LEADER, Draw
+from workbench.formation.senses.table import SENSES
+from workbench.formation.streams import CHILDREN, children
 from workbench.formation.tables import first_weights
 from workbench.formation.task import fill_task
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
 from workbench.robot.ground import MODULES, WHITE
-from workbench.robot.infrared import calibrate, draw_units
 
 BLOCK = 2500  # control periods
 
@@ -64,8 +67,7 @@ class Convoy:
         periods: control periods at most; default for learning: twenty times what undisturbed
             learning needs.
         policy: (tables, rows, actions) main weights to start from or to exploit, or one such array
-            per seed, (B, …).
-        law: a classical law that drives all followers instead of a policy; without learning only.
+            per seed, (B, …); or, without learning, a classical law that drives all followers.
         reward: the user's own reward, where the configuration says reward = "own".
         horizon: updates over which schedules are stretched, default ``steps``; a shorter run is
             then how a longer one begins.
@@ -90,8 +92,7 @@ class Convoy:
         *,
         steps: int = 0,
         periods: int | None = None,
-        policy: NDArray[np.float64] | None = None,
-        law: ControlLaw | None = None,
+        policy: NDArray[np.float64] | ControlLaw | None = None,
         reward: OwnReward | None = None,
         horizon: int | None = None,
         external: int | None = None,
@@ -100,24 +101,18 @@ class Convoy:
     ) -> None:
         if not seeds:
             raise ValueError("seeds is empty; expected at least one seed")
-        if steps < 0 or not (steps or periods):
-            raise ValueError(
-                f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1"
-            )
+        _check_length(steps, periods)
+        law = policy if isinstance(policy, ControlLaw) else None
+        theta = None if isinstance(policy, ControlLaw) else policy
         if law is not None:
-            if steps or policy is not None:
-                raise ValueError(
-                    f"steps = {steps!r} with law = {law!r}; a law has no weights and does not "
-                    "learn: give periods"
-                )
-            law.check(config)
+            _check_lawful(law, config, steps)
         check_reward(config, reward, learning=steps > 0)
         self.config = config
         self.seeds = tuple(seeds)
         self._learning = steps > 0
-        self._kept = (law, reward)
-        self._rngs = [children(seed, config.fleet) for seed in seeds]
-        tracks = [track_of(config, rng["track"]) for rng in self._rngs]
+        self._owner = reward or law  # of what may fail in the loop
+        self.rngs = [children(seed, config.fleet) for seed in seeds]
+        tracks = [track_of(config, rng["track"]) for rng in self.rngs]
         self.world = World(
             config.followers,
             tracks,
@@ -128,28 +123,32 @@ class Convoy:
             threads=threads,
             furnish=furnish,
         )
-        self.weights = first_weights(config, len(seeds), policy, learning=self._learning)
+        self.weights = first_weights(config, len(seeds), theta, learning=self._learning)
         self.task = fill_task(config, horizon or steps, law, reward)
         self.task["leader"]["column0"] = self.world.floor.column0
         self.task["leader"]["row0"] = self.world.floor.row0
         self.robots = self._fleet(steps)
         self._formations = self._counters(steps, periods)
         if external is not None:
-            if not 0 <= external <= config.followers:
-                raise ValueError(
-                    f"external = {external!r}; this convoy has robots 0 (the leader) to "
-                    f"{config.followers}"
-                )
-            self.task["run"]["external"] = external
+            self._leave_to_others(external)
         self.has_sensors = False
-        if config.sensing in INFRARED or external is not None:
-            self.fit_sensors()
-        self._eyes = list[Eyes]()
-        self._lens = np.zeros((len(seeds), 3, 2, 2))
-        if config.sensing in CAMERA:
-            self._hang_camera()
+        self.eyes = list[Eyes]()
+        self.lens = np.zeros((len(seeds), 3, 2, 2))
+        SENSES[config.sensing].equip(self)
+        if external is not None and not self.has_sensors:
+            fit_sensors(self)
         self._draws = self._what_is_drawn()
         self._bind()
+
+    def _leave_to_others(self, robot: int) -> None:
+        """Note which robot somebody else drives."""
+        if not 0 <= robot <= self.config.followers:
+            raise ValueError(
+                f"external = {robot!r}; this convoy has robots 0 (the leader) to "
+                f"{self.config.followers}"
+            )
+        self.task["run"]["external"] = robot
+        self.task["run"]["moving"] = True
 
     def _fleet(self, steps: int) -> NDArray[np.void]:
         """Return the robots' records, (B, followers + 1), as they are before anything happens."""
@@ -171,7 +170,7 @@ class Convoy:
             if config.weights == "first":
                 learning["learns"][:, 2:] = 0
         if not config.body.nominal:
-            for own, rng in zip(robots["body"], self._rngs, strict=True):
+            for own, rng in zip(robots["body"], self.rngs, strict=True):
                 wheel, axle = draw_bodies(rng["bodies"], config.body, config.followers + 1)
                 own["wheel"] = wheel
                 own["axle"] = axle
@@ -185,21 +184,21 @@ class Convoy:
         counters["last_period"] = periods or 20 * math.ceil(steps / learners) + 10 * BLOCK
         return counters
 
-    def _what_is_drawn(self) -> list[tuple[str, str, slice, bool]]:
-        """Return what is drawn in advance for a block: stream, field of CHANCE, for which robots,
-        and whether uniform in [0, 1) or normal. The order decides nothing: every stream is its own.
+    def _what_is_drawn(self) -> list[Draw]:
+        """Return what is drawn in advance for a block. The order decides nothing: every stream is
+        its own.
         """
         config = self.config
-        leader, followers, everybody = slice(0, 1), slice(1, None), slice(None)
-        draws = [("sensor", "ground", leader, False), ("policy", "explore", followers, True)]
+        draws = [
+            Draw("ground", (3,), "sensor", LEADER),
+            Draw("explore", (), "policy", FOLLOWERS, uniform=True),
+        ]
         if config.noisy:
-            draws.append(("noise", "noise", followers, False))
-        if config.sensing in INFRARED:
-            draws.append(("infrared", "infrared", followers, False))
-        if config.sensing in CAMERA:
-            draws += [("camera", "camera", everybody, False), ("hidden", "hidden", everybody, True)]
+            draws.append(Draw("noise", (2,), "noise", FOLLOWERS))
+        draws += SENSES[config.sensing].draws
         if not config.body.nominal:
-            draws += [("slip", "slip", everybody, False), ("silence", "silence", everybody, True)]
+            draws.append(Draw("slip", (2,), "slip", EVERYBODY))
+            draws.append(Draw("silence", (), "silence", EVERYBODY, uniform=True))
         return draws
 
     def _bind(self) -> None:
@@ -213,7 +212,7 @@ class Convoy:
         self._waiting = np.zeros_like(self.world.ctrl)  # commands that wait for an update
         self._chance = np.zeros((count, BLOCK, n + 1), CHANCE)
         self._drawn = [
-            np.zeros(self._chance[field][0, :, who].shape) for _, field, who, _ in self._draws
+            np.zeros(self._chance[draw.field][0, :, draw.robots].shape) for draw in self._draws
         ]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         self._sights = np.zeros((count, n + 1, 4))
@@ -231,7 +230,7 @@ class Convoy:
             chance=self._chance,
             block=self._block,
             sights=self._sights,
-            lens=self._lens,
+            lens=self.lens,
         )
         types = (numba.typeof(0), numba.typeof(self._arrays))
         control_step.compile(types)
@@ -307,7 +306,7 @@ class Convoy:
         delay = self.config.delay_steps
         ctrl = self.world.ctrl
         for t in range(BLOCK):
-            if self._eyes:
+            if self.eyes:
                 self.look()
             flags = act_all(t, arrays)
             if flags:
@@ -338,7 +337,7 @@ class Convoy:
         """
         if t % BLOCK == 0:
             self._draw()
-        if self._eyes:
+        if self.eyes:
             self.look()
         flags = self._act_all(t % BLOCK, self._arrays)
         if flags:
@@ -405,14 +404,15 @@ class Convoy:
 
     def _draw(self) -> None:
         """Draw the chance of one block."""
-        for b, rng in enumerate(self._rngs):
-            for (stream, field, who, uniform), drawn in zip(self._draws, self._drawn, strict=True):
-                (rng[stream].random if uniform else rng[stream].standard_normal)(out=drawn)
-                self._chance[field][b, :, who] = drawn
+        for b, rng in enumerate(self.rngs):
+            for draw, drawn in zip(self._draws, self._drawn, strict=True):
+                stream = rng[draw.stream]
+                (stream.random if draw.uniform else stream.standard_normal)(out=drawn)
+                self._chance[draw.field][b, :, draw.robots] = drawn
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that the next block depends on, as copies of plain arrays."""
-        chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self._rngs]
+        chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self.rngs]
         return {
             "physics": self.world.states.copy(),
             "robots": self.robots.copy(),
@@ -442,7 +442,7 @@ class Convoy:
         self.weights[:] = state["weights"]
         self._trace_ids[:, :, :2] = state["trace_ids"]
         self._trace_values[:, :, :1] = state["trace_values"]
-        for rng, stored in zip(self._rngs, json.loads(str(state["chance"])), strict=True):
+        for rng, stored in zip(self.rngs, json.loads(str(state["chance"])), strict=True):
             for name in CHILDREN:
                 rng[name].bit_generator.state = stored[name]
 
@@ -454,56 +454,16 @@ class Convoy:
         theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
         return theta, w
 
-    def _hang_camera(self) -> None:
-        """Hang and calibrate a camera over every formation."""
-        from workbench.arena.camera.optics import Camera
-
-        config = self.config.camera
-        for b, (rng, track) in enumerate(zip(self._rngs, self.world.tracks, strict=True)):
-            camera = Camera(config, rng["lens"])
-            if not camera.sees(track.line):
-                raise ValueError(
-                    f"CameraConfig.span_m = {config.span_m!r}; the track of seed "
-                    f"{self.seeds[b]} leaves the picture: expected a "
-                    "wider view (and more pixels), or a smaller track.radius_m"
-                )
-            if self.config.sensing == "pixels":
-                self._eyes.append(Eyes(camera, self.world, b, rng["pictures"], rng["covered"]))
-            else:
-                table, view = camera.bias_table()
-                if b == 0:
-                    self._lens = np.zeros((len(self.seeds), *table.shape))
-                    self.task["camera"]["window"] = view
-                self._lens[b] = table
-
     def look(self) -> None:
         """Draw and search a picture of every formation that still runs; with sensing "pixels"
         only.
         """
-        for b, eyes in enumerate(self._eyes):
+        for b, eyes in enumerate(self.eyes):
             if not self._formations[b]["done"]:
                 poses = np.array([self.world.pose(b, robot) for robot in range(self.world.robots)])
                 eyes.look(
                     int(self._formations[b]["periods"]), self.robots[b], poses, self._sights[b]
                 )
-
-    def fit_sensors(self) -> None:
-        """Give every robot infrared sensors of its own, and let it calibrate them; once, where
-        nothing has done so.
-        """
-        self.has_sensors = True
-        infrared = self.config.infrared
-        for robots, rng, seed in zip(self.robots, self._rngs, self.seeds, strict=True):
-            for number, robot in enumerate(robots):
-                robot["infrared"]["gain"], robot["infrared"]["offset"] = draw_units(
-                    rng["units"], infrared
-                )
-                if infrared.calibrated:
-                    robot["infrared"]["bias"] = calibrate(
-                        own_chance(self.config.fleet or seed, number, "bias"),
-                        infrared,
-                        robot["infrared"]["offset"],
-                    )
 
     def _running(self) -> NDArray[np.int64] | None:
         done = self._formations["done"]
@@ -511,7 +471,7 @@ class Convoy:
 
     def _attend(self, flags: int, t: int) -> None:
         if flags & DIVERGED:
-            if said := trouble(self.robots, *self._kept):
+            if said := trouble(self.robots, self._owner):
                 raise ValueError(said)
             for b, seed in enumerate(self.seeds):
                 if not np.all(np.isfinite(self.weights[b])):
@@ -536,6 +496,22 @@ class Convoy:
             self.robots[b, 0]["reset"]["timer"] = 0
             self.begin_again(b)
         self._formations["restart"] = 0
+
+
+def _check_length(steps: int, periods: int | None) -> None:
+    if steps < 0 or not (steps or periods):
+        raise ValueError(
+            f"steps = {steps!r}, periods = {periods!r}; expected steps >= 1 or periods >= 1"
+        )
+
+
+def _check_lawful(law: ControlLaw, config: ConvoyConfig, steps: int) -> None:
+    if steps:
+        raise ValueError(
+            f"steps = {steps!r} with policy = {law!r}; a law has no weights and does not "
+            "learn: give periods"
+        )
+    check_law(law, config)
 
 
 def _release(

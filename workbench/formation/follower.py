@@ -1,7 +1,7 @@
 """The follower: sense → tile → act → learn → reset. There is one implementation, this one.
 
 A follower is one record of type ROBOT, a row of weights and a sparse trace. ``act`` turns an
-observation into wheel commands, by its table or by a classical law (``formation.steering``), and
+observation into wheel commands, by its table or by a classical law (``formation.laws``), and
 caches the finished transition; ``learn`` learns what is cached. With the update buffer (paper II-D)
 the loop calls ``act``, sends the command, and then ``learn``, while the action runs: action t + 1
 uses weights without transition t. Without it ``act`` learns first. ρ is stored when an action is
@@ -22,10 +22,10 @@ import numpy as np
 
 from workbench.compiled import call_at, compiled
 from workbench.formation.config import MAX_TILINGS
+from workbench.formation.laws.table import steer
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
-from workbench.formation.senses.infrared import raw_errors
-from workbench.formation.steering import steer
+from workbench.formation.senses.table import errors, tiled
 from workbench.learning.behaviour import explore, greedy_of_sum
 from workbench.learning.kernel import (
     Features,
@@ -58,7 +58,7 @@ GRID = np.dtype(
 BOUNDS = np.dtype(  # m, m, rad, m
     [("middle", "f8"), ("half_range", "f8"), ("bearing", "f8"), ("sight", "f8")]
 )
-REWARD = np.dtype(  # function: the address of the user's own, see formation.functions
+REWARD = np.dtype(  # function: the address of the user's own, see formation.own_reward
     [("preset", "i8"), ("terminal", "f8"), ("function", "i8")]
 )
 LEARNER = np.dtype(
@@ -255,13 +255,9 @@ def sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
     """
     grid = task.grid
     state = -1
-    first = e_d
-    second = o_err
-    if task.infrared.raw:
-        if not (abs(e_d) < task.bounds.half_range and abs(o_err) < task.bounds.bearing):
-            return -1
-        first = follower.infrared.left
-        second = follower.infrared.right
+    inside, first, second = tiled(task.sense.tiled, task, follower, e_d, o_err)
+    if not inside:
+        return -1
     for k in range(grid.tilings):
         row = tile_index(grid.distance_edges[k], grid.distance_tiles[k], first)
         column = tile_index(grid.bearing_edges[k], grid.bearing_tiles[k], second)
@@ -279,10 +275,7 @@ def reward_at(task: Any, follower: Any, e_d: float, o_err: float) -> float:
     """Return the reward of a step that ends inside the bounds, at errors in m and rad or at the
     readings in the record.
     """
-    if task.infrared.raw:
-        u, v = raw_errors(task, follower)
-    else:
-        u, v = e_d / task.bounds.half_range, o_err / task.bounds.bearing
+    u, v = errors(task.sense.errors, task, follower, e_d, o_err)
     if task.reward.function:
         own: float = call_at(task.reward.function, u, v)
         if not math.isfinite(own):

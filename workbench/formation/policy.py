@@ -22,13 +22,12 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.formation.config import SENSING, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.senses.table import SENSES, SENSING
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 
 SCHEMA = 3
-UNITS = dict.fromkeys(SENSING, ("m", "rad")) | {
-    "ir-raw": ("counts", "counts")
-}  # of both dimensions of the state
+UNITS = {row.name: row.units for row in SENSES.values()}  # of both dimensions of the state
 
 
 @dataclass(frozen=True, eq=False)

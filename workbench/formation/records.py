@@ -17,7 +17,6 @@ Contract: equal records are equal bytes; a PERIOD has no padding. Units are SI, 
 
 import numpy as np
 
-from workbench.arena.camera.tracker import TRACK
 from workbench.arena.world import MOTORS
 from workbench.formation.body import BODY, BODY_TASK
 from workbench.formation.follower import (
@@ -30,12 +29,10 @@ from workbench.formation.follower import (
     REWARD,
     WAITING,
 )
+from workbench.formation.laws.law import LAW, LAW_TASK
 from workbench.formation.leader import GROUND, LEADER
 from workbench.formation.reset import RESET, SEARCHING
-from workbench.formation.senses.camera import CAMERA
-from workbench.formation.senses.infrared import INFRARED, PERCEPTION
-from workbench.formation.steering import LAW, LAW_TASK
-from workbench.robot.infrared import SENSORS
+from workbench.formation.senses.table import DRAWS, NUMBERS, ROBOT_PARTS, TASK_PARTS
 
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("cos", "f8"), ("sin", "f8")])  # m; of the heading
 MOTION = np.dtype(  # over the last control period, along the heading: m/s, rad/s; and from where
@@ -65,8 +62,7 @@ ROBOT = np.dtype(
         ("learning", LEARNING),
         ("law", LAW),
         ("ground", GROUND),
-        ("infrared", INFRARED),
-        ("camera", TRACK),
+        *ROBOT_PARTS,
         ("body", BODY),
         ("failure", FAILURE),
     ],
@@ -74,8 +70,13 @@ ROBOT = np.dtype(
 )
 
 NOISE = np.dtype([("any", "i8"), ("distance", "f8"), ("bearing", "f8")])  # spreads in m, rad
-RUN = np.dtype(  # whether a loss restarts; whether commands wait; who is driven from outside
-    [("restart", "i8"), ("delayed", "i8"), ("external", "i8")]
+RUN = np.dtype(
+    [
+        ("restart", "i8"),  # whether a loss restarts; whether commands wait for an update
+        ("delayed", "i8"),
+        ("external", "i8"),  # who is driven from outside
+        ("moving", "i8"),  # whether anybody needs the robots' motion
+    ]
 )
 
 TASK = np.dtype(
@@ -89,8 +90,8 @@ TASK = np.dtype(
         ("search", SEARCHING),
         ("noise", NOISE),
         ("law", LAW_TASK),
-        ("infrared", PERCEPTION),
-        ("camera", CAMERA),
+        ("sense", NUMBERS),
+        *TASK_PARTS,
         ("body", BODY_TASK),
         ("run", RUN),
     ],
@@ -102,9 +103,7 @@ CHANCE = np.dtype(  # normal numbers, but for those in [0, 1): explore, hidden, 
         ("ground", "f8", (3,)),
         ("explore", "f8"),
         ("noise", "f8", (2,)),
-        ("infrared", "f8", (SENSORS,)),
-        ("camera", "f8", (3,)),
-        ("hidden", "f8"),
+        *[(draw.field, "f8", draw.shape) for draw in DRAWS],
         ("slip", "f8", (2,)),
         ("silence", "f8"),
     ]

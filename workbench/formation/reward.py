@@ -24,7 +24,7 @@ import math
 from workbench.compiled import compiled
 
 PRESETS = ("quadratic", "absolute", "distance", "alive")
-OWN = "own"  # a function of the user's, see formation.functions
+OWN = "own"  # a function of the user's, see formation.own_reward
 _WORST = {"quadratic": -2.0, "absolute": -2.0, "distance": -1.0, "alive": 0.0}
 
 

@@ -30,12 +30,15 @@ from numpy.typing import NDArray
 
 from workbench.arena.proximity import RayProximity
 from workbench.compiled import compiled
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.control import read_ground
 from workbench.formation.convoy import Convoy
-from workbench.formation.laws import CarrotPI, ControlLaw, Controller
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
 from workbench.formation.senses.infrared import sense_proximity
+from workbench.formation.senses.table import INFRARED
 from workbench.formation.senses.truth import observe
 from workbench.formation.streams import own_chance
 from workbench.robot.api import SENSORS, Robot
@@ -128,16 +131,14 @@ class SimulatedRobot(Robot):
         config = self.config
         alone = config.followers == 1 and self.robot == 1
         others = self._others if self._others is not None or alone or self._learn else CarrotPI()
-        law = others if isinstance(others, ControlLaw) else None
-        theta = others.theta if isinstance(others, Policy) else None
+        driver = others.theta if isinstance(others, Policy) else others
         self.convoy = Convoy(
             config,
             [config.seed],
             steps=10**12 if self._learn else 0,
             periods=10**12,
             horizon=self._learn or None,
-            law=law,
-            policy=theta,
+            policy=driver,
             external=self.robot,
             threads=1,
             furnish=self._furnish,

@@ -25,12 +25,13 @@ from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 from workbench.formation import follower as kernel
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import LEARNED, LOSS, RECOVERED
 from workbench.formation.policy import Policy
 from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reward import OWN
 from workbench.formation.senses.infrared import look
+from workbench.formation.senses.table import INFRARED
 from workbench.formation.streams import children
 from workbench.formation.task import fill_task
 from workbench.learning.behaviour import epsilon_at
@@ -255,13 +256,8 @@ def drive(
     Raises:
         RobotError: see ``robot.faults``; stop has been sent where a channel was alive.
     """
-    infrared = follower.config.sensing in INFRARED
-    buffer = follower.config.learner.buffer
-    if infrared:
-        robot.enable("proximity")
-        if "light" in robot.capabilities:
-            robot.enable("light")
-    see = observer or robot.observe
+    sees = _eyes(robot, follower, observer)
+    slow = _SlowComputer(follower, update_s)
     losses = recoveries = late = 0
     latency = 0.0
     if not 0 < seconds < math.inf:
@@ -273,19 +269,8 @@ def drive(
         for _ in range(periods):
             robot.step()
             begun = time.monotonic()
-            if (
-                not buffer
-                and update_s
-                and follower.record["choice"]["state"] >= 0
-                and follower.steps
-            ):
-                time.sleep(update_s)
-            if infrared:
-                light = robot.get_light_sensor() if "light" in robot.get_sensors_enabled() else None
-                left, right = follower.decide(robot.get_proximity(), light)
-            else:
-                distance, bearing = see()
-                left, right = follower.decide(distance=distance, bearing=bearing)
+            slow.before()
+            left, right = follower.decide(**sees())
             robot.set_motors_speed(left, right)
             took = time.monotonic() - begun
             latency = latency + took
@@ -293,8 +278,7 @@ def drive(
             event = int(follower.step["event"])
             losses = losses + (event & LOSS != 0)
             recoveries = recoveries + (event & RECOVERED != 0)
-            if buffer and update_s and event & LEARNED:
-                time.sleep(update_s)
+            slow.after(event)
             follower.learn()
             if watch is not None:
                 watch(follower, robot, robot.time_s)
@@ -312,6 +296,53 @@ def drive(
         latency / periods,
         late,
     )
+
+
+def _eyes(
+    robot: Robot, follower: SoloFollower, observer: Observer | None
+) -> Callable[[], dict[str, Any]]:
+    """Return what tells a follower what it sees, as arguments of ``decide``."""
+    if follower.config.sensing not in INFRARED:
+        see = observer or robot.observe
+
+        def told() -> dict[str, Any]:
+            distance, bearing = see()
+            return {"distance": distance, "bearing": bearing}
+
+        return told
+    robot.enable("proximity")
+    if "light" in robot.capabilities:
+        robot.enable("light")
+
+    def read() -> dict[str, Any]:
+        light = robot.get_light_sensor() if "light" in robot.get_sensors_enabled() else None
+        return {"readings": robot.get_proximity(), "light": light}
+
+    return read
+
+
+class _SlowComputer:
+    """Waits as long as an update takes on a slower computer: before the command, or after it with
+    the update buffer.
+    """
+
+    def __init__(self, follower: SoloFollower, update_s: float) -> None:
+        self._follower = follower
+        self._seconds = update_s
+        self._buffer = follower.config.learner.buffer
+
+    def before(self) -> None:
+        """Wait where the transition that ends now is learned at once."""
+        follower = self._follower
+        if self._buffer or not self._seconds or not follower.steps:
+            return
+        if follower.record["choice"]["state"] >= 0:
+            time.sleep(self._seconds)
+
+    def after(self, event: int) -> None:
+        """Wait where it is learned while the command runs."""
+        if self._buffer and self._seconds and event & LEARNED:
+            time.sleep(self._seconds)
 
 
 def _period(robot: Robot) -> float:

@@ -1,26 +1,24 @@
 """The task in numbers: a ConvoyConfig as the one record that the compiled loop reads."""
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.camera.config import NOISE, CameraConfig
 from workbench.arena.world import motors_of
-from workbench.formation.config import CAMERA, INFRARED, ConvoyConfig
-from workbench.formation.functions import OwnLaw, OwnReward
-from workbench.formation.laws import ControlLaw
-from workbench.formation.readings import raw_scales
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.own import OwnLaw
+from workbench.formation.laws.table import NUMBERS
+from workbench.formation.own_reward import OwnReward
 from workbench.formation.records import TASK
 from workbench.formation.reset import search_numbers
 from workbench.formation.reward import OWN, PRESETS, terminal_reward, worst_step_reward
-from workbench.formation.senses.camera import MODEL, PIXELS
+from workbench.formation.senses.infrared import sensor_fields
+from workbench.formation.senses.table import SENSES, numbers
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.rules import RULES
 from workbench.robot.description import EPUCK
-from workbench.robot.infrared import BEACON_RANGE, RANGE, WARPS, strength_of
-from workbench.robot.inversion import FLOOR, inversion_table
 
 
 def fill_task(
@@ -35,9 +33,30 @@ def fill_task(
     in.
     """
     task = np.zeros(1, TASK)
-    robot = config.robot
     _fill_grid(task["grid"], config)
-    parts: dict[str, dict[str, Any]] = {
+    parts = _parts(config) | {
+        "reward": _reward(config, reward),
+        "learner": _learner(config, steps),
+        "law": _law(config, law),
+        "infrared": sensor_fields(config),
+        "sense": numbers(config.sensing),
+        "run": {
+            "restart": config.reset == "restart",
+            "delayed": config.delay_steps > 0,
+            "external": -1,
+            "moving": SENSES[config.sensing].moving or law is not None,
+        },
+    }
+    for part, values in (*parts.items(), *SENSES[config.sensing].fill(config).items()):
+        for name, value in values.items():
+            task[part][name] = value
+    return task
+
+
+def _parts(config: ConvoyConfig) -> dict[str, dict[str, Any]]:
+    """Return the fields of the parts that are plain numbers of the configuration."""
+    robot = config.robot
+    return {
         "grid": {
             "tilings": config.tilings,
             "actions": config.actions,
@@ -49,8 +68,6 @@ def fill_task(
             "bearing": config.bearing_limit_rad,
             "sight": config.sight_m,
         },
-        "reward": _reward(config, reward),
-        "learner": _learner(config, steps),
         "motors": motors_of(robot, config.drive),
         "leader": {
             "speed": config.leader_speed_mps / robot.step_m,
@@ -64,27 +81,13 @@ def fill_task(
             "distance": config.noise_distance_m,
             "bearing": config.noise_bearing_rad,
         },
-        "law": _law(config, law),
-        "infrared": _sensors(config),
-        "camera": _camera(config) if config.sensing in CAMERA else {},
         "body": {
             "any": not config.body.nominal,
             "slip": config.body.slip,
             "delay": config.body.delay,
             "silence": config.body.missed,
         },
-        "run": {
-            "restart": config.reset == "restart",
-            "delayed": config.delay_steps > 0,
-            "external": -1,
-        },
     }
-    if config.sensing in INFRARED:
-        parts["infrared"] |= _perception(config)
-    for part, values in parts.items():
-        for name, value in values.items():
-            task[part][name] = value
-    return task
 
 
 def _fill_grid(grid: NDArray[np.void], config: ConvoyConfig) -> None:
@@ -144,58 +147,7 @@ def _law(config: ConvoyConfig, law: ControlLaw | None) -> dict[str, Any]:
     }
     if law is not None:
         gains = law.gains()
-        found |= {"number": law.number, "gain": [*gains, *[0.0] * (8 - len(gains))]}
+        found |= {"number": NUMBERS[type(law)], "gain": [*gains, *[0.0] * (8 - len(gains))]}
     if isinstance(law, OwnLaw):
         found["speed_function"], found["turn_function"] = law.addresses()
     return found
-
-
-def _camera(config: ConvoyConfig) -> dict[str, Any]:
-    """Return the fields of the overhead camera; what it sees (``window``) is for the camera to fill
-    in.
-    """
-    camera = config.camera
-    *noise, missed = NOISE[camera.conditions]
-    coarse = (camera.span_m / camera.width_px) / (CameraConfig().span_m / CameraConfig().width_px)
-    return {
-        "mode": PIXELS if config.sensing == "pixels" else MODEL,
-        "latency": camera.latency_s,
-        "every": camera.every,
-        "missed": 1 - (1 - missed) * (1 - camera.dropout),
-        "noise": coarse * np.array(noise),
-    }
-
-
-def _sensors(config: ConvoyConfig) -> dict[str, Any]:
-    """Return the fields of infrared sensors and of what they look at."""
-    infrared = config.infrared
-    radius, strength, beacon = strength_of(infrared)
-    return {
-        "radius": radius,
-        "strength": strength,
-        "beacon": beacon,
-        "reach": BEACON_RANGE if beacon else RANGE,
-        "spread": infrared.noise / math.sqrt(infrared.samples),
-        "age": infrared.age_s,
-        "ambient": infrared.ambient_counts,
-        "ambient_cos": math.cos(infrared.ambient_direction_rad),
-        "ambient_sin": math.sin(infrared.ambient_direction_rad),
-        "warp": WARPS.index(infrared.warp),
-    }
-
-
-def _perception(config: ConvoyConfig) -> dict[str, Any]:
-    """Return the fields of a follower that sees with nothing but its infrared."""
-    middle, near, far, side = raw_scales(
-        config.infrared, config.distance_m, config.bearing_limit_rad, FLOOR
-    )
-    return {
-        "sees": 1,
-        "raw": config.sensing == "ir-raw",
-        "threshold": config.threshold_counts,
-        "table": inversion_table(config.infrared),
-        "raw_middle": middle,
-        "raw_near": near,
-        "raw_far": far,
-        "raw_side": side,
-    }

@@ -29,8 +29,10 @@ from numpy.typing import NDArray
 from workbench import fields
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.functions import OwnLaw, OwnReward, Reward, check_reward, with_reward
-from workbench.formation.laws import ControlLaw, Controller, check_controller
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.own import OwnLaw
+from workbench.formation.laws.table import Controller, check_controller
+from workbench.formation.own_reward import OwnReward, Reward, check_reward, with_reward
 from workbench.formation.policy import Policy
 from workbench.lab import storage
 from workbench.lab.checkpoints import load_checkpoint, save_checkpoint
@@ -129,7 +131,7 @@ def learn(
         config: robots, track, task, learner and seed.
         steps: learning updates, summed over the followers.
         policy: action values to start from; default: all θ₀.
-        reward: a reward of your own, r(u, v), see ``workbench.formation.functions``; the run's
+        reward: a reward of your own, r(u, v), see ``workbench.functions``; the run's
             config then says reward = "own".
         out: folder of the run; checkpoints are kept there.
         resume: continue an interrupted run in ``out``, or load it if it is complete.
@@ -288,21 +290,7 @@ def load_run(path: str | Path) -> Run:
             f"{folder}: the stored run lacks {', '.join(lacking)}; restore it or run again"
         )
     config = fields.from_dict(ConvoyConfig, header["config"])
-    known = {
-        "weights.npz": weights.about["provenance"].get("config_sha256"),
-        "records.npz": _word(records.pop("config_sha256", None)),
-        "summary.json": storage.read_json(folder / "summary.json").get("config_sha256"),
-    }
-    for name, found in known.items():
-        if found is not None and found != storage.sha256_of(
-            header["config"]
-        ):  # runs of before know no hash
-            raise ValueError(
-                f"{folder}: {name} was made under another configuration than config.json says "
-                "(it was edited, or files of two "
-                "runs are mixed); restore config.json, or run again"
-            )
-    own = header.get("reward_sha256")
+    _check_hashes(folder, header, weights, records)
     return Run(
         header["kind"],
         config,
@@ -311,8 +299,26 @@ def load_run(path: str | Path) -> Run:
         weights.policy,
         weights.w,
         records,
-        own,
+        header.get("reward_sha256"),
     )
+
+
+def _check_hashes(
+    folder: Path, header: dict[str, Any], weights: Any, records: dict[str, NDArray[Any]]
+) -> None:
+    """Compare the hash of the configuration in every file; runs of before know none."""
+    known = {
+        "weights.npz": weights.about["provenance"].get("config_sha256"),
+        "records.npz": _word(records.pop("config_sha256", None)),
+        "summary.json": storage.read_json(folder / "summary.json").get("config_sha256"),
+    }
+    for name, found in known.items():
+        if found is not None and found != storage.sha256_of(header["config"]):
+            raise ValueError(
+                f"{folder}: {name} was made under another configuration than config.json says "
+                "(it was edited, or files of two "
+                "runs are mixed); restore config.json, or run again"
+            )
 
 
 def _word(array: NDArray[Any] | None) -> str | None:
@@ -444,8 +450,7 @@ class _Batch:
             self.seeds,
             steps=self.length if learning else 0,
             periods=None if learning else self.length,
-            policy=np.stack(tables) if tables else None,
-            law=self._law(),
+            policy=np.stack(tables) if tables else self._law(),
             reward=self.reward,
             threads=self.threads,
         )

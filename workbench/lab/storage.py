@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from workbench.lab.locks import FILE as LOCK
@@ -52,6 +53,17 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file from bytes."""
     _write(path, lambda file: file.write(content))
+
+
+def write_table(path: Path, table: pd.DataFrame, digits: int) -> None:
+    """Write a table as CSV with numbers of so many digits."""
+    write_bytes(path, table_bytes(table, digits))
+
+
+def table_bytes(table: pd.DataFrame, digits: int) -> bytes:
+    """Return a table as CSV with numbers of so many digits."""
+    text: str = table.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\n")
+    return text.encode()
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -23,15 +23,12 @@ from workbench.fields import choice, configuration, integer, part, real
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
-from workbench.formation.laws import (
-    CarrotPI,
-    Controller,
-    LeaderFrame,
-    LPsi,
-    PathReconstruction,
-    PurePursuit,
-    quantised_carrot,
-)
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.l_psi import LPsi
+from workbench.formation.laws.leader_frame import LeaderFrame
+from workbench.formation.laws.path import PathReconstruction
+from workbench.formation.laws.pursuit import PurePursuit
+from workbench.formation.laws.table import Controller, quantised_carrot
 from workbench.formation.reset import FOLLOW
 from workbench.lab.records import SUMS
 from workbench.lab.runs import Run, evaluate, learn
@@ -135,6 +132,12 @@ def measure_sections(trial: Trial) -> dict[str, float]:
     manoeuvre. Sections are quarters of the loop, counted from each robot's own start: section 1 is
     what follows a restart, section 4 is reached last.
     """
+    theta, learned = _learn_sections(trial)
+    return learned | _follow_sections(trial, theta)
+
+
+def _learn_sections(trial: Trial) -> tuple[NDArray[np.float64], dict[str, float]]:
+    """Return the learned weights, and how resets and visits of sections went meanwhile."""
     convoy = Convoy(trial.config, [trial.config.seed], steps=trial.steps, threads=1)
     training = np.zeros(SECTIONS)
     resets = list[int]()
@@ -156,6 +159,17 @@ def measure_sections(trial: Trial) -> dict[str, float]:
             "the followers were lost"
         )
     theta, _ = convoy.tables(0)
+    result = {"losses": float(losses), "resets": float(len(resets)), "time_outs": float(gave_up)}
+    for name, of in (("reset_median_s", 0.5), ("reset_p95_s", 0.95)):
+        duration = float(np.quantile(resets, of)) if resets else math.nan
+        result[name] = duration * CONTROL_PERIOD
+    for k in range(SECTIONS):
+        result[f"training_share_{k + 1}"] = float(training[k] / max(training.sum(), 1))
+    return theta, result
+
+
+def _follow_sections(trial: Trial, theta: NDArray[np.float64]) -> dict[str, float]:
+    """Return losses and errors by section of a greedy drive."""
     judged = replace(trial.config, reset="manoeuvre")
     periods = round(trial.minutes * 60 / CONTROL_PERIOD)
     follow = Convoy(judged, [judged.seed], periods=periods, policy=theta, threads=1)
@@ -171,13 +185,8 @@ def measure_sections(trial: Trial) -> dict[str, float]:
         )
         lost += np.bincount(place[at["event"] & LOSS != 0], minlength=SECTIONS)
         hours += np.bincount(place.ravel(), minlength=SECTIONS) * CONTROL_PERIOD / 3600
-    result = {"losses": float(losses), "resets": float(len(resets)), "time_outs": float(gave_up)}
-    result["reset_median_s"] = float(np.median(resets)) * CONTROL_PERIOD if resets else math.nan
-    result["reset_p95_s"] = (
-        float(np.quantile(resets, 0.95)) * CONTROL_PERIOD if resets else math.nan
-    )
+    result = {}
     for k in range(SECTIONS):
-        result[f"training_share_{k + 1}"] = float(training[k] / max(training.sum(), 1))
         result[f"greedy_losses_per_hour_{k + 1}"] = (
             float(lost[k] / hours[k]) if hours[k] else math.nan
         )

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from workbench import fields
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.laws import Controller, controller_from_arrays
+from workbench.formation.laws.table import Controller, controller_from_arrays
 from workbench.formation.policy import Policy
 from workbench.lab.storage import plain, read_npz, sha256_of, write_npz
 from workbench.sources import version

@@ -76,27 +76,7 @@ def export_c(
             distorted; the name is no .c file.
     """
     place = Path(path).expanduser()
-    if place.suffix != ".c":
-        raise ValueError(f"path = {str(path)!r}; expected a name that ends in .c")
-    if not place.parent.is_dir():
-        raise FileNotFoundError(f"{place.parent} does not exist; make the folder first")
-    if policy.units != ("counts", "counts"):
-        raise ValueError(
-            f"the policy has sensing = {str(policy.sensing)!r}, tiles in "
-            f"{' and '.join(policy.units)}; expected counts: a "
-            "firmware without floating point compares raw readings. Learn with sensing='ir-raw'"
-        )
-    ends = [float(edges[-1]) for edges in (policy.distance_edges, policy.bearing_edges)]
-    if ends != [MOST + 1.0] * 2:
-        raise ValueError(
-            f"the policy's tiles end at {ends} counts; expected {MOST + 1}, the end of the "
-            "converter: it was learned on "
-            "distorted readings (infrared.warp), which no robot has"
-        )
-    if not 0 <= table < policy.theta.shape[0]:
-        raise ValueError(
-            f"table = {table!r}; the policy has tables 0 to {policy.theta.shape[0] - 1}"
-        )
+    _check(policy, place, table)
     left, right, actions = merged(policy, table)
     speeds = [(int(a), int(b)) for a in policy.left_steps for b in policy.right_steps]
     kind = "uint8_t" if len(speeds) <= 256 else "uint16_t"
@@ -125,6 +105,31 @@ def export_c(
         + 4 * len(speeds)
     )
     return {"cells": int(actions.size), "table_bytes": size}
+
+
+def _check(policy: Policy, place: Path, table: int) -> None:
+    """Refuse a policy or a place of which no firmware can be made."""
+    if place.suffix != ".c":
+        raise ValueError(f"path = {str(place)!r}; expected a name that ends in .c")
+    if not place.parent.is_dir():
+        raise FileNotFoundError(f"{place.parent} does not exist; make the folder first")
+    if policy.units != ("counts", "counts"):
+        raise ValueError(
+            f"the policy has sensing = {str(policy.sensing)!r}, tiles in "
+            f"{' and '.join(policy.units)}; expected counts: a "
+            "firmware without floating point compares raw readings. Learn with sensing='ir-raw'"
+        )
+    ends = [float(edges[-1]) for edges in (policy.distance_edges, policy.bearing_edges)]
+    if ends != [MOST + 1.0] * 2:
+        raise ValueError(
+            f"the policy's tiles end at {ends} counts; expected {MOST + 1}, the end of the "
+            "converter: it was learned on "
+            "distorted readings (infrared.warp), which no robot has"
+        )
+    if not 0 <= table < policy.theta.shape[0]:
+        raise ValueError(
+            f"table = {table!r}; the policy has tables 0 to {policy.theta.shape[0] - 1}"
+        )
 
 
 def _thresholds(edges: list[NDArray[np.float64]]) -> NDArray[np.int64]:

@@ -275,31 +275,8 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
         raise ValueError(f"{place} is no recording; expected a file that ends in .csv")
     if not place.is_file() and not place.with_suffix(".json").is_file():
         raise FileNotFoundError(f"{place} does not exist; expected the .csv of a recording")
-    header = read_json(place.with_suffix(".json"))
-    if not isinstance(header, dict) or header.get("schema") != SCHEMA:
-        raise ValueError(f"{place.with_suffix('.json')} is no sidecar of schema {SCHEMA}")
-    lacking = [
-        key
-        for key in ("columns", "rate_hz", "complete", "config", "robot", "link", "real")
-        if key not in header
-    ]
-    if lacking:
-        raise ValueError(f"{place.with_suffix('.json')} lacks {', '.join(lacking)}")
-    rate = header["rate_hz"]
-    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 1e6:
-        raise ValueError(
-            f"{place.with_suffix('.json')}: rate_hz = {rate!r}; expected rows per second"
-        )
-    if header["complete"] and not place.is_file():
-        raise FileNotFoundError(
-            f"{place} does not exist, though its sidecar says that it is complete; restore it"
-        )
-    most = MAX_STEPS_EPUCK2
-    if header["config"] is not None:
-        try:
-            most = max(most, fields.from_dict(ConvoyConfig, header["config"]).robot.most_steps)
-        except (TypeError, ValueError, AttributeError) as error:
-            raise ValueError(f"{place.with_suffix('.json')}: config: {error}") from None
+    header = _read_sidecar(place)
+    most = _most_steps(place, header)
     content = place.read_bytes() if place.is_file() else b""  # killed before the first byte
     if header["complete"] and header.get("sha256") != hashlib.sha256(content).hexdigest():
         raise ValueError(
@@ -327,6 +304,41 @@ def load_recording(path: str | Path, *, gap_s: float = GAP_S) -> Recording:
         if column in frame:
             frame[column] = frame[column].astype(np.int64)
     return Recording(frame, header, bool(rest))
+
+
+def _read_sidecar(place: Path) -> dict[str, Any]:
+    """Return the sidecar of a recording."""
+    header = read_json(place.with_suffix(".json"))
+    if not isinstance(header, dict) or header.get("schema") != SCHEMA:
+        raise ValueError(f"{place.with_suffix('.json')} is no sidecar of schema {SCHEMA}")
+    lacking = [
+        key
+        for key in ("columns", "rate_hz", "complete", "config", "robot", "link", "real")
+        if key not in header
+    ]
+    if lacking:
+        raise ValueError(f"{place.with_suffix('.json')} lacks {', '.join(lacking)}")
+    rate = header["rate_hz"]
+    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 1e6:
+        raise ValueError(
+            f"{place.with_suffix('.json')}: rate_hz = {rate!r}; expected rows per second"
+        )
+    if header["complete"] and not place.is_file():
+        raise FileNotFoundError(
+            f"{place} does not exist, though its sidecar says that it is complete; restore it"
+        )
+    return header
+
+
+def _most_steps(place: Path, header: dict[str, Any]) -> int:
+    """Return the fastest speed that a wheel of the recorded robot can have, steps/s."""
+    most = MAX_STEPS_EPUCK2
+    if header["config"] is not None:
+        try:
+            most = max(most, fields.from_dict(ConvoyConfig, header["config"]).robot.most_steps)
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{place.with_suffix('.json')}: config: {error}") from None
+    return most
 
 
 def _parse(place: Path, number: int, line: str, columns: list[str]) -> list[float]:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from workbench import fields
-from workbench.formation.config import INFRARED, SETTINGS, ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
+from workbench.formation.senses.table import INFRARED
 from workbench.formation.solo import SoloFollower, drive
 from workbench.lab.storage import refuse_existing
 from workbench.lab.weights import Weights, describe, load_weights, write_weights

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from workbench.arena.model import TIMESTEP
+from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.arena.world import World
 from workbench.formation.config import ConvoyConfig
@@ -45,7 +45,7 @@ def drive_path(drive: str, left: int, right: int, seconds: float) -> pd.DataFram
     world.command(0, 0, left, right)
     rows = [(0.0, 0.0, 0.0, 0.0)]
     for tick in range(1, round(seconds / _TICK) + 1):
-        world.batch.step(nstep=round(_TICK / TIMESTEP[drive]))
+        world.batch.step(nstep=round(_TICK / DRIVES[drive].timestep_s))
         x, y, heading = world.pose(0, 0)
         turned = rows[-1][3] + math.remainder(heading - heading0 - rows[-1][3], 2 * math.pi)
         rows.append((tick * _TICK, x - x0, y - y0, turned))
@@ -73,7 +73,7 @@ def fidelity() -> pd.DataFrame:
     (degrees) at the end of an arc.
     """
     lines = []
-    for drive in TIMESTEP:
+    for drive in DRIVES:
         straight = drive_path(drive, 466, 466, 1.0)
         exact = exact_rolling(466, 466, 1.0)
         for seconds in (0.1, 1.0):

@@ -246,7 +246,11 @@ def judder(
             "the motion does not know its track; give track=, the nominal loop, for example "
             "make_track(config, rng)"
         )
-    found = deviations(motion, loop)
+    return _lines(motion, deviations(motion, loop), band_m)
+
+
+def _lines(motion: Motion, found: Deviations, band_m: tuple[float, float]) -> pd.DataFrame:
+    """Return the lines of ``judder``."""
     lines: list[dict[str, Any]] = []
     for robot in range(motion.position.shape[1]):
         pair = transfer(

@@ -28,7 +28,8 @@ from workbench.arena.tracks import Track
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import EXPLORED
-from workbench.formation.laws import ControlLaw, Controller, check_controller
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.table import Controller, check_controller
 from workbench.formation.places import track_of
 from workbench.formation.reset import FOLLOW
 from workbench.lab.records import sampled_blocks
@@ -124,44 +125,7 @@ class Motion:
             ValueError: a column is missing, or robots are not recorded at the same, evenly spaced
                 times.
         """
-        missing = [name for name in COLUMNS if name not in table]
-        if missing:
-            raise ValueError(
-                f"the recording lacks {', '.join(missing)}; it has {', '.join(map(str, table))}"
-            )
-        robots = np.arange(table["robot"].nunique())
-        if set(table["robot"]) != set(robots.tolist()):
-            found = ", ".join(map(str, pd.unique(table["robot"])))
-            raise ValueError(
-                f"robots are {found}; expected 0 for the leader, 1 for the robot behind it, "
-                "and so on"
-            )
-        used = [
-            *COLUMNS,
-            *(name for name in ("heading_rad", "left_steps", "right_steps") if name in table),
-        ]
-        finite = np.isfinite(table[used].to_numpy(np.float64))
-        if not finite.all():
-            row, place = np.argwhere(~finite)[0]
-            raise ValueError(
-                f"the recording has no number in row {row}, column {used[place]}; cut gaps out"
-            )
-        times = np.sort(table["time_s"].unique())
-        if len(table) != times.size * len(robots) or table.duplicated(["time_s", "robot"]).any():
-            raise ValueError(
-                f"{len(table)} lines for {times.size} times and {len(robots)} robots; "
-                "expected one of each"
-            )
-        if times.size < 3:
-            raise ValueError(f"{times.size} times; expected at least 3")
-        uneven = np.flatnonzero(
-            np.abs(np.diff(times) - np.median(np.diff(times))) > 0.1 * np.median(np.diff(times))
-        )
-        if uneven.size:
-            at = times[uneven[0]]
-            raise ValueError(
-                f"times are not evenly spaced: a gap after {at:g} s; resample the recording first"
-            )
+        times, robots = _check_table(table)
         ordered = table.set_index(["time_s", "robot"]).reindex(
             pd.MultiIndex.from_product([times, robots])
         )
@@ -234,10 +198,9 @@ def follow(policy: Controller, config: ConvoyConfig, *, minutes: float = 20.0) -
     if not 0 < minutes <= 1e5:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
     policy.check(config)
-    law = policy if isinstance(policy, ControlLaw) else None
-    theta = None if isinstance(policy, ControlLaw) else policy.theta
+    driver = policy if isinstance(policy, ControlLaw) else policy.theta
     periods = max(3, round(minutes * 60 / CONTROL_PERIOD))
-    convoy = Convoy(config, [config.seed], periods=periods, policy=theta, law=law, threads=1)
+    convoy = Convoy(config, [config.seed], periods=periods, policy=driver, threads=1)
     return Motion.of_steps(convoy.whole(), convoy.world.tracks[0], config.robot)
 
 
@@ -314,3 +277,45 @@ def _switching(motion: Motion, robot: int, steps: Floats, together: Flags) -> di
         if own_way
         else np.nan,
     }
+
+
+def _check_table(table: pd.DataFrame) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the times in s and the robots of a recording; refuse one with gaps."""
+    missing = [name for name in COLUMNS if name not in table]
+    if missing:
+        raise ValueError(
+            f"the recording lacks {', '.join(missing)}; it has {', '.join(map(str, table))}"
+        )
+    robots = np.arange(table["robot"].nunique())
+    if set(table["robot"]) != set(robots.tolist()):
+        found = ", ".join(map(str, pd.unique(table["robot"])))
+        raise ValueError(
+            f"robots are {found}; expected 0 for the leader, 1 for the robot behind it, and so on"
+        )
+    used = [
+        *COLUMNS,
+        *(name for name in ("heading_rad", "left_steps", "right_steps") if name in table),
+    ]
+    finite = np.isfinite(table[used].to_numpy(np.float64))
+    if not finite.all():
+        row, place = np.argwhere(~finite)[0]
+        raise ValueError(
+            f"the recording has no number in row {row}, column {used[place]}; cut gaps out"
+        )
+    times = np.sort(table["time_s"].unique())
+    if len(table) != times.size * len(robots) or table.duplicated(["time_s", "robot"]).any():
+        raise ValueError(
+            f"{len(table)} lines for {times.size} times and {len(robots)} robots; "
+            "expected one of each"
+        )
+    if times.size < 3:
+        raise ValueError(f"{times.size} times; expected at least 3")
+    uneven = np.flatnonzero(
+        np.abs(np.diff(times) - np.median(np.diff(times))) > 0.1 * np.median(np.diff(times))
+    )
+    if uneven.size:
+        at = times[uneven[0]]
+        raise ValueError(
+            f"times are not evenly spaced: a gap after {at:g} s; resample the recording first"
+        )
+    return times, robots

@@ -28,11 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.compiled import compiled
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import reward_at, sense_cells
 from workbench.formation.policy import Policy
 from workbench.formation.records import ROBOT
 from workbench.formation.senses.infrared import UNSEEN, look
+from workbench.formation.senses.table import INFRARED
 from workbench.formation.task import fill_task
 from workbench.learning.gq import GreedyGQ
 from workbench.logs.recordings import Recording
@@ -173,6 +174,20 @@ def ratios(log: Log, policy: Policy, *, table: int = 0) -> Floats:
     return np.where(log.action == greedy[log.state], 1.0 / log.probability, 0.0)
 
 
+def _check_resampled(log: Log, policy: Policy) -> None:
+    """Refuse a log or a policy that cannot be evaluated block by block."""
+    if int(policy.tilings) != 1:
+        raise ValueError(
+            f"the policy has {int(policy.tilings)} tilings; expected one: a log stores one state"
+        )
+    _check(log, policy.theta.shape[1], policy.theta.shape[2])
+    if len(log.state) < 2 * BLOCK:
+        raise ValueError(
+            f"the log has {len(log.state)} steps; expected at least {2 * BLOCK}, two blocks "
+            "to resample"
+        )
+
+
 def evaluate_log(
     log: Log, policy: Policy, *, gamma: float, table: int = 0, level: float = 0.95, seed: int = 0
 ) -> dict[str, float]:
@@ -194,22 +209,13 @@ def evaluate_log(
     Raises:
         ValueError: several tilings, fewer steps than two blocks, probabilities that are none.
     """
-    if int(policy.tilings) != 1:
-        raise ValueError(
-            f"the policy has {int(policy.tilings)} tilings; expected one: a log stores one state"
-        )
     if not (0 <= gamma < 1 and 0 < level < 1 and 0 <= table < policy.theta.shape[0]):
         raise ValueError(
             f"gamma = {gamma!r}, level = {level!r}, table = {table!r}; expected a discount "
             "below 1, a level between 0 and 1 and "
             f"one of {policy.theta.shape[0]} tables"
         )
-    _check(log, policy.theta.shape[1], policy.theta.shape[2])
-    if len(log.state) < 2 * BLOCK:
-        raise ValueError(
-            f"the log has {len(log.state)} steps; expected at least {2 * BLOCK}, two blocks "
-            "to resample"
-        )
+    _check_resampled(log, policy)
     values = policy.theta[table]
     greedy = policy.greedy()[table]
     rho = ratios(log, policy, table=table)

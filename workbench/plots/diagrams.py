@@ -5,6 +5,7 @@ Each function takes data and ``ax=None``, draws and returns the Axes.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,34 +36,10 @@ def error_measures(
     x, y, heading = world.pose(formation, follower)
     ahead_x, ahead_y, ahead_heading = world.pose(formation, follower - 1)
     distance, bearing = observe(x, y, math.cos(heading), math.sin(heading), ahead_x, ahead_y)
-    for cx, cy, direction, colour, name in (
-        (x, y, heading, CYCLE[0], "follower"),
-        (ahead_x, ahead_y, ahead_heading, CYCLE[1], "robot in front"),
-    ):
-        ax.add_patch(
-            Circle(
-                (cx, cy),
-                geometry.BODY_RADIUS,
-                facecolor=colour,
-                alpha=0.35,
-                edgecolor=colour,
-                label=name,
-            )
-        )
-        nose = (cx + 0.06 * math.cos(direction), cy + 0.06 * math.sin(direction))
-        ax.add_patch(
-            FancyArrowPatch((cx, cy), nose, arrowstyle="-|>", mutation_scale=12, color=colour)
-        )
-    ax.add_patch(
-        Circle(
-            (x, y),
-            config.middle_m,
-            fill=False,
-            linestyle="--",
-            edgecolor=CYCLE[2],
-            label=f"d* = {1000 * config.middle_m:.0f} mm",
-        )
-    )
+    _body(ax, (x, y, heading), CYCLE[0], "follower")
+    _body(ax, (ahead_x, ahead_y, ahead_heading), CYCLE[1], "robot in front")
+    wanted = {"edgecolor": CYCLE[2], "label": f"d* = {1000 * config.middle_m:.0f} mm"}
+    ax.add_patch(Circle((x, y), config.middle_m, fill=False, linestyle="--", **wanted))
     ax.plot([x, ahead_x], [y, ahead_y], color="black", linewidth=1)
     straight = (
         x + 1.15 * config.middle_m * math.cos(heading),
@@ -72,12 +49,13 @@ def error_measures(
     start, end = sorted((math.degrees(heading), math.degrees(heading + bearing)))
     ax.add_patch(Arc((x, y), 0.17, 0.17, theta1=start, theta2=end, color="black"))
     middle = heading + bearing / 2
+    thin: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.7}
     ax.annotate(
         rf"$o_{{err}}$ = {math.degrees(bearing):+.1f}°",
         (x + 0.085 * math.cos(middle), y + 0.085 * math.sin(middle)),
         xytext=(-24, -40),
         textcoords="offset points",
-        arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+        arrowprops=thin,
     )
     error_mm = 1000 * (distance - config.middle_m)
     ax.annotate(
@@ -85,18 +63,30 @@ def error_measures(
         ((x + ahead_x) / 2, (y + ahead_y) / 2),
         xytext=(-100, 18),
         textcoords="offset points",
-        arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+        arrowprops=thin,
     )
     reach = config.middle_m + 0.07
-    ax.set(
-        xlim=(x - reach, x + reach),
-        ylim=(y - reach, y + reach),
-        xlabel="x in m",
-        ylabel="y in m",
-        aspect="equal",
-    )
+    ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
+    ax.set(xlabel="x in m", ylabel="y in m", aspect="equal")
     ax.legend(loc="lower left", fontsize=7.5)
     return ax
+
+
+def _body(ax: Axes, pose: tuple[float, float, float], colour: str, name: str) -> None:
+    """Draw a robot from above."""
+    x, y, heading = pose
+    ax.add_patch(
+        Circle(
+            (x, y),
+            geometry.BODY_RADIUS,
+            facecolor=colour,
+            alpha=0.35,
+            edgecolor=colour,
+            label=name,
+        )
+    )
+    nose = (x + 0.06 * math.cos(heading), y + 0.06 * math.sin(heading))
+    ax.add_patch(FancyArrowPatch((x, y), nose, arrowstyle="-|>", mutation_scale=12, color=colour))
 
 
 def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
@@ -105,6 +95,28 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     2); offset tilings in colours above them.
     """
     ax = ax or new_axes(5.6, 4.2)
+    top = _fan(ax, config)
+    for number, shifted in enumerate(config.grids()[1:]):
+        _fan_lines(
+            ax,
+            shifted,
+            1000 * config.middle_m,
+            CYCLE[number % len(CYCLE)],
+            ("-", "--", ":")[number % 3],
+        )
+    _fan_robots(ax, 1000 * config.middle_m)
+    ax.set(
+        xlim=(-top * 0.8, top * 0.8),
+        ylim=(-45, top),
+        xlabel="to the side in mm (left of the robot is left)",
+        ylabel="ahead in mm",
+        aspect="equal",
+    )
+    return ax
+
+
+def _fan(ax: Axes, config: ConvoyConfig) -> float:
+    """Draw the tiles of the first grid; return how far the picture reaches, in mm."""
     grid = config.grid()
     distance, bearing = grid.tilings
     inner = 1000 * (distance.edges[:-1] + config.middle_m)
@@ -120,14 +132,11 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     ax.add_collection(
         PatchCollection(wedges, facecolor=colours, edgecolor="#777777", linewidth=0.6)
     )
-    for number, shifted in enumerate(config.grids()[1:]):
-        _fan_lines(
-            ax,
-            shifted,
-            1000 * config.middle_m,
-            CYCLE[number % len(CYCLE)],
-            ("-", "--", ":")[number % 3],
-        )
+    return float(outer[-1]) + 30
+
+
+def _fan_robots(ax: Axes, middle: float) -> None:
+    """Draw the follower, and the robot in front where it should be (mm)."""
     ax.add_patch(
         Circle(
             (0, 0), 1000 * geometry.BODY_RADIUS, facecolor=CYCLE[0], alpha=0.4, edgecolor=CYCLE[0]
@@ -138,7 +147,7 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     )
     ax.add_patch(
         Circle(
-            (0, 1000 * config.middle_m),
+            (0, middle),
             1000 * geometry.BODY_RADIUS,
             fill=False,
             linestyle="--",
@@ -147,22 +156,13 @@ def tile_fan(config: ConvoyConfig, *, ax: Axes | None = None) -> Axes:
     )
     ax.annotate(
         "robot in front\nat the optimum",
-        (0, 1000 * config.middle_m + 35),
+        (0, middle + 35),
         xytext=(48, 40),
         textcoords="offset points",
         fontsize=8,
         color=CYCLE[1],
         arrowprops={"arrowstyle": "-", "color": CYCLE[1]},
     )
-    top = outer[-1] + 30
-    ax.set(
-        xlim=(-top * 0.8, top * 0.8),
-        ylim=(-45, top),
-        xlabel="to the side in mm (left of the robot is left)",
-        ylabel="ahead in mm",
-        aspect="equal",
-    )
-    return ax
 
 
 def _fan_lines(ax: Axes, grid: TileGrid, middle_mm: float, colour: str, line: str) -> None:

@@ -161,69 +161,42 @@ def compare_numbers(
     A file or column that only one side has, or that changed its length or its words, is listed with
     difference NaN.
     """
-    rows = []
+    rows: list[tuple[Any, ...]] = []
     for name in sorted(set(before) | set(after)):
         if name not in before or name not in after:
-            rows.append(
-                (
-                    name,
-                    "(whole file)",
-                    0,
-                    np.nan,
-                    np.nan,
-                    "only before" if name in before else "only now",
-                )
-            )
+            side = "only before" if name in before else "only now"
+            rows.append((name, "(whole file)", 0, np.nan, np.nan, side))
             continue
         old = before[name]
         new = after[name]
         for column in sorted(set(old.columns) | set(new.columns)):
             if column not in old or column not in new or len(old) != len(new):
-                rows.append(
-                    (
-                        name,
-                        column,
-                        abs(len(old) - len(new)),
-                        np.nan,
-                        np.nan,
-                        "columns or rows differ",
-                    )
-                )
-                continue
-            numeric = pd.api.types.is_numeric_dtype(old[column]) and pd.api.types.is_numeric_dtype(
-                new[column]
-            )
-            if numeric:
-                a, b = old[column].to_numpy(float), new[column].to_numpy(float)
-                differs = ~((a == b) | (np.isnan(a) & np.isnan(b)))
-                if differs.any():
-                    gap = np.abs(a - b)[differs]
-                    scale = np.maximum(np.abs(a), np.abs(b))[differs]
-                    largest = int(np.argmax(gap))
-                    rows.append(
-                        (
-                            name,
-                            column,
-                            int(differs.sum()),
-                            gap[largest],
-                            gap[largest] / scale[largest],
-                            "",
-                        )
-                    )
-            elif not old[column].equals(new[column]):
-                rows.append(
-                    (
-                        name,
-                        column,
-                        int((old[column].astype(str) != new[column].astype(str)).sum()),
-                        np.nan,
-                        np.nan,
-                        "words differ",
-                    )
-                )
+                gap = abs(len(old) - len(new))
+                rows.append((name, column, gap, np.nan, np.nan, "columns or rows differ"))
+            else:
+                found = _compare_column(old[column], new[column])
+                rows += [(name, column, *found)] if found else []
     return pd.DataFrame(
         rows, columns=["file", "column", "numbers", "largest_difference", "relative", "note"]
     )
+
+
+def _compare_column(old: pd.Series, new: pd.Series) -> tuple[int, float, float, str] | None:
+    """Return how many values differ, the largest difference, what it is relative to, and a note;
+    None where all are the same.
+    """
+    if all(map(pd.api.types.is_numeric_dtype, (old, new))):
+        a, b = old.to_numpy(float), new.to_numpy(float)
+        differs = ~((a == b) | (np.isnan(a) & np.isnan(b)))
+        if not differs.any():
+            return None
+        gap = np.abs(a - b)[differs]
+        scale = np.maximum(np.abs(a), np.abs(b))[differs]
+        largest = int(np.argmax(gap))
+        return int(differs.sum()), gap[largest], gap[largest] / scale[largest], ""
+    if old.equals(new):
+        return None
+    return int((old.astype(str) != new.astype(str)).sum()), np.nan, np.nan, "words differ"
 
 
 def changed_files(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> list[str]:

@@ -239,6 +239,26 @@ def value_map(
     return ax
 
 
+def _lean(ax: Axes, turn: NDArray[np.float64], at: NDArray[np.bool_], config: ConvoyConfig) -> None:
+    """Draw an arrow in every state that was seen, leaning to the side that it turns to (rad/s)."""
+    distance, bearing = _edges(config)
+    x, y = np.meshgrid((bearing[:-1] + bearing[1:]) / 2, (distance[:-1] + distance[1:]) / 2)
+    lean = np.clip(turn / 1.2, -1, 1) * math.pi / 2
+    ax.quiver(
+        x[at],
+        y[at],
+        -np.sin(lean)[at],
+        np.cos(lean)[at],
+        pivot="mid",
+        angles="uv",
+        scale=14,
+        width=0.008,
+        color="white",
+        edgecolor="black",
+        linewidth=0.6,
+    )
+
+
 def policy_map(
     policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes | None = None
 ) -> Axes:
@@ -274,22 +294,7 @@ def policy_map(
         edgecolors="white",
         linewidth=0.4,
     )
-    x, y = np.meshgrid((bearing[:-1] + bearing[1:]) / 2, (distance[:-1] + distance[1:]) / 2)
-    lean = np.clip(turn / 1.2, -1, 1).reshape(config.state_tiles) * math.pi / 2
-    at = seen
-    ax.quiver(
-        x[at],
-        y[at],
-        -np.sin(lean)[at],
-        np.cos(lean)[at],
-        pivot="mid",
-        angles="uv",
-        scale=14,
-        width=0.008,
-        color="white",
-        edgecolor="black",
-        linewidth=0.6,
-    )
+    _lean(ax, turn.reshape(config.state_tiles), seen, config)
     ax.figure.colorbar(mesh, ax=ax, label="greedy forward speed in mm/s")
     _tile_axes(ax, config)
     return ax

@@ -27,7 +27,7 @@ counts. ps0 … ps7 run clockwise from right front to left front.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,45 +159,43 @@ def _within_lobe(
     return False
 
 
-@compiled
-def circles_light(
-    k: int,
-    x: float,
-    y: float,
-    c: float,
-    s: float,
-    cx: Any,
-    cy: Any,
-    count: int,
-    radius: float,
-    strength: float,
-    beacon: int,
-) -> float:
-    """Return the light that sensor k of a robot at x, y (heading c, s) gets from upright cylinders,
-    in counts.
+class Circles(NamedTuple):
+    """Upright cylinders that a sensor looks at.
 
-    Args:
-        cx, cy, count: centres in m, the first ``count`` of them; the nearer one hides the farther
-            one, ray by ray.
+    Attributes:
+        x, y, number: centres in m, so many of them; the nearer one hides the farther one, ray by
+            ray.
         radius, strength: of all cylinders, in m and relative to white paper (or of the emission).
         beacon: 1 where cylinders emit: one way, through the sensor's own lobe of half the exponent.
     """
-    ac, as_ = c * _AXIS_C[k] - s * _AXIS_S[k], s * _AXIS_C[k] + c * _AXIS_S[k]
-    px, py = (
-        x + RING * (c * _AXIS_C[k] - s * _AXIS_S[k]),
-        y + RING * (s * _AXIS_C[k] + c * _AXIS_S[k]),
-    )
-    total = 0.0
-    if beacon:
-        for j in range(count):
-            dx, dy = cx[j] - px, cy[j] - py
-            length = math.sqrt(dx * dx + dy * dy)
-            facing = (dx * ac + dy * as_) / max(length, 1e-9)
-            if facing > 0.0:
-                total += facing * facing * ray_share(max(length - radius, 0.0), 1.0)
-        return SCALE * strength * total
+
+    x: Any
+    y: Any
+    number: int
+    radius: float
+    strength: float
+    beacon: int
+
+
+@compiled
+def circles_light(k: int, x: float, y: float, c: float, s: float, circles: Any) -> float:
+    """Return the light that sensor k of a robot at x, y (heading c, s) gets from cylinders (of type
+    Circles), in counts.
+    """
+    cx = circles.x
+    cy = circles.y
+    count = circles.number
+    radius: float = circles.radius
+    strength: float = circles.strength
+    ac = c * _AXIS_C[k] - s * _AXIS_S[k]
+    as_ = s * _AXIS_C[k] + c * _AXIS_S[k]
+    px = x + RING * (c * _AXIS_C[k] - s * _AXIS_S[k])
+    py = y + RING * (s * _AXIS_C[k] + c * _AXIS_S[k])
+    if circles.beacon:
+        return SCALE * strength * _beacons(px, py, ac, as_, circles)
     if not _within_lobe(px, py, ac, as_, cx, cy, count, radius):
         return 0.0
+    total = 0.0
     for ray in range(_RAY_W.size):
         rx, ry = ac * _RAY_C[ray] - as_ * _RAY_S[ray], as_ * _RAY_C[ray] + ac * _RAY_S[ray]
         nearest = RANGE
@@ -215,6 +213,19 @@ def circles_light(
         if incidence > 0.0:
             total += _RAY_W[ray] * ray_share(nearest, incidence)
     return SCALE * strength * total
+
+
+@compiled
+def _beacons(px: float, py: float, ac: float, as_: float, circles: Any) -> float:
+    """Return the share of light that a sensor at px, py, looking along ac, as_, gets of beacons."""
+    total = 0.0
+    for j in range(circles.number):
+        dx, dy = circles.x[j] - px, circles.y[j] - py
+        length = math.sqrt(dx * dx + dy * dy)
+        facing = (dx * ac + dy * as_) / max(length, 1e-9)
+        if facing > 0.0:
+            total += facing * facing * ray_share(max(length - circles.radius, 0.0), 1.0)
+    return total
 
 
 @compiled
@@ -301,16 +312,10 @@ def mean_light(
     centres and a bearing.
     """
     radius, strength, beacon = strength_of(config)
-    cx, cy = (
-        np.array([distance_m * math.cos(bearing_rad)]),
-        np.array([distance_m * math.sin(bearing_rad)]),
-    )
-    return np.array(
-        [
-            circles_light(k, 0.0, 0.0, 1.0, 0.0, cx, cy, 1, radius, strength, beacon)
-            for k in range(SENSORS)
-        ]
-    )
+    cx = np.array([distance_m * math.cos(bearing_rad)])
+    cy = np.array([distance_m * math.sin(bearing_rad)])
+    target = Circles(cx, cy, 1, radius, strength, beacon)
+    return np.array([circles_light(k, 0.0, 0.0, 1.0, 0.0, target) for k in range(SENSORS)])
 
 
 def front_pair(

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from workbench.compiled import compiled, compiled_with_arrays
 from workbench.robot.infrared import (
     DARK,
+    Circles,
     InfraredConfig,
     circles_light,
     noise_sd,
@@ -89,17 +90,15 @@ def pairs(
     """Write mean left and right front readings into out (2, distances, bearings) for a target of
     ``strength_of``.
     """
-    cx, cy = np.empty(1), np.empty(1)
+    cx = np.empty(1)
+    cy = np.empty(1)
+    target = Circles(cx, cy, 1, radius, strength, beacon)
     for i in range(distances.size):
         for j in range(bearings.size):
-            cx[0], cy[0] = (
-                distances[i] * math.cos(bearings[j]),
-                distances[i] * math.sin(bearings[j]),
-            )
+            cx[0] = distances[i] * math.cos(bearings[j])
+            cy[0] = distances[i] * math.sin(bearings[j])
             for side, sensor in enumerate((7, 0)):
-                light = circles_light(
-                    sensor, 0.0, 0.0, 1.0, 0.0, cx, cy, 1, radius, strength, beacon
-                )
+                light = circles_light(sensor, 0.0, 0.0, 1.0, 0.0, target)
                 out[side, i, j] = saturate(light, DARK)
 
 

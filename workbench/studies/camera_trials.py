@@ -17,10 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.formation.config import CAMERA, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
 from workbench.formation.policy import Policy
+from workbench.formation.senses.table import CAMERA
 from workbench.lab.runs import evaluate, learn
 from workbench.lab.trial import UNSEEN, Trial
 from workbench.robot.geometry import CONTROL_PERIOD

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 from workbench import fields
 from workbench.formation.body import BodyConfig
-from workbench.formation.config import INFRARED, SETTINGS, ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
+from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Labels
 from workbench.learning.config import LearnerConfig
 from workbench.robot.infrared import InfraredConfig

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from workbench.formation.body import BodyConfig
-from workbench.formation.config import INFRARED, SETTINGS
+from workbench.formation.config import SETTINGS
+from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Case, Study
 from workbench.lab.trial import Trial
 from workbench.studies.conditions import OTHER, ROBOT, with_infrared

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from workbench.formation.config import INFRARED, SETTINGS
+from workbench.formation.config import SETTINGS
+from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Case, Study
 from workbench.lab.trial import Trial
 from workbench.studies.infrared_trials import measure_infrared

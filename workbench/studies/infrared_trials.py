@@ -14,6 +14,7 @@ seconds.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import fields as names_of, replace
 
 import numpy as np
@@ -118,6 +119,17 @@ def _start(robot: SimulatedRobot, config: ConvoyConfig, policy: Policy) -> SoloF
     return SoloFollower(config, policy)
 
 
+def _recovers(follow: Callable[[], bool], follower: SoloFollower) -> tuple[bool, bool]:
+    """Return whether a follower loses the leader after a hold, and whether it is back in time."""
+    gone = False
+    for period in range(WITHIN):
+        back = follow()
+        gone = gone or bool(follower.step["event"] & LOSS)
+        if back and (gone or period >= LONGEST_HOLD):
+            return gone, True
+    return gone, False
+
+
 def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, float]:
     """Follow greedily behind one leader, held still for up to a second again and again; count what
     recovers in ten seconds.
@@ -146,16 +158,10 @@ def _held_up(config: ConvoyConfig, policy: Policy, trial: Trial) -> dict[str, fl
             for _ in range(int(rng.integers(1, LONGEST_HOLD + 1))):
                 robot.set_motors_speed(0, 0)
                 robot.step()
-            gone = False
-            for period in range(WITHIN):
-                back = follow()
-                if not gone and follower.step["event"] & LOSS:
-                    gone = True
-                    lost = lost + 1
-                if back and (gone or period >= LONGEST_HOLD):
-                    recovered += 1
-                    break
-            else:  # the leader is gone: the next hold begins behind it again
+            gone, back = _recovers(follow, follower)
+            lost += gone
+            recovered += back
+            if not back:  # the leader is gone: the next hold begins behind it again
                 robot.reset()
                 follower = _start(robot, config, policy)
     return {

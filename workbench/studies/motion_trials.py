@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import LEARNED, LOSS
-from workbench.formation.laws import CarrotPI, Controller
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
 from workbench.lab.statistics import time_to_stable
 from workbench.lab.trial import CONTROLLERS, UNSEEN, Trial

@@ -20,7 +20,7 @@ import pandas as pd
 
 from workbench import fields, paths, sources
 from workbench.formation.config import ConvoyConfig
-from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.storage import table_bytes, write_bytes, write_json
 from workbench.lab.study import Study
 from workbench.lab.sweeps import Failed, sweep
 from workbench.lab.trial import Trial
@@ -138,7 +138,7 @@ def _publish(
     study: Study, table: pd.DataFrame, trials: Sequence[Trial], folder: Path, *, quick: bool
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    content = table.to_csv(index=False, float_format="%.10g", lineterminator="\n").encode()
+    content = table_bytes(table, digits=10)
     write_bytes(folder / f"{study.name}.csv", content)
     write_json(
         folder / f"{study.name}.json",

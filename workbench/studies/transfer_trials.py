@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from workbench.fields import choice, configuration, integer
 from workbench.formation.body import LONGEST_DELAY, BodyConfig
-from workbench.formation.config import INFRARED, ConvoyConfig
+from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
+from workbench.formation.senses.table import INFRARED
 from workbench.lab.trial import UNSEEN, Trial
 from workbench.measures.motion import Motion, chatter
 from workbench.robot.geometry import CONTROL_PERIOD

@@ -61,15 +61,22 @@ def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None =
             label=f"way of {name}",
         )
         _robot(ax, frames[k, i], about, i)
+    _frame(ax, frames[max(0, k - TRAIL) : k + 1, :, :2].reshape(-1, 2), line, about)
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
+    ax.set_title(f"{scene.title} · {k * about['period']:.1f} s", loc="left", fontsize=9)
+    return ax
+
+
+def _frame(ax: Axes, ways: Frames, line: Frames, about: dict[str, Any]) -> None:
+    """Show the robots' ways and the line, not too flat and not too slim; who drives by hand may be
+    far from the line.
+    """
     reach = 2.2 * about["bounds"]["middle"]
-    ways = frames[max(0, k - TRAIL) : k + 1, :, :2].reshape(-1, 2)
-    shown = (
-        ways if about["free"] else np.vstack([ways, line])
-    )  # who drives by hand may be far from the line
+    shown = ways if about["free"] else np.vstack([ways, line])
     low, high = shown.min(axis=0) - reach / 2, shown.max(axis=0) + reach / 2
-    grow = (
-        np.maximum(0.75 * (high - low)[::-1] - (high - low), 0.0) / 2
-    )  # not too flat, not too slim
+    grow = np.maximum(0.75 * (high - low)[::-1] - (high - low), 0.0) / 2
     low, high = low - grow, high + grow
     ax.set(
         xlim=(low[0], high[0]),
@@ -78,34 +85,14 @@ def draw_scene(scene: LiveScene | StoredScene, t: int = -1, *, ax: Axes | None =
         ylabel="y in m",
         aspect="equal",
     )
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
-    ax.set_title(f"{scene.title} · {k * about['period']:.1f} s", loc="left", fontsize=9)
-    return ax
 
 
 def _robot(ax: Axes, now: Frames, about: dict[str, Any], i: int) -> None:
     x, y, heading = (float(value) for value in now[:3])
     radius = about["radius"]
-    ring = about["ring"]
     if i > 0:
         _tile(ax, now, about, x, y, heading)
-    for k, angle in enumerate(about["sensors"]):
-        reading = float(now[FIELDS.index("ps0") + k])
-        share = min(1.0, math.log1p(max(0.0, reading)) / math.log(4096))
-        at = (x + ring * math.cos(heading + angle), y + ring * math.sin(heading + angle))
-        middle = math.degrees(heading + angle)
-        beam = Wedge(
-            at,
-            radius * (0.35 + 1.9 * share),
-            middle - 12.6,
-            middle + 12.6,
-            color=_BEAM,
-            alpha=0.12 + 0.6 * share,
-            zorder=2,
-        )
-        ax.add_patch(beam)
+    _beams(ax, now, about)
     driving_back = i > 0 and now[FIELDS.index("phase")] != 0
     colour = _LEADER if i == 0 else _FOLLOWER
     ax.add_patch(
@@ -133,35 +120,40 @@ def _robot(ax: Axes, now: Frames, about: dict[str, Any], i: int) -> None:
     )
 
 
+def _beams(ax: Axes, now: Frames, about: dict[str, Any]) -> None:
+    """Draw what each proximity sensor reads."""
+    x, y, heading = (float(value) for value in now[:3])
+    radius = about["radius"]
+    ring = about["ring"]
+    for k, angle in enumerate(about["sensors"]):
+        reading = float(now[FIELDS.index("ps0") + k])
+        share = min(1.0, math.log1p(max(0.0, reading)) / math.log(4096))
+        at = (x + ring * math.cos(heading + angle), y + ring * math.sin(heading + angle))
+        middle = math.degrees(heading + angle)
+        beam = Wedge(
+            at,
+            radius * (0.35 + 1.9 * share),
+            middle - 12.6,
+            middle + 12.6,
+            color=_BEAM,
+            alpha=0.12 + 0.6 * share,
+            zorder=2,
+        )
+        ax.add_patch(beam)
+
+
 def _tile(ax: Axes, now: Frames, about: dict[str, Any], x: float, y: float, heading: float) -> None:
     near, far = about["bounds"]["distance"]
     limit = math.degrees(about["bounds"]["bearing"])
     ahead = math.degrees(heading)
-    ax.add_patch(
-        Wedge(
-            (x, y),
-            far,
-            ahead - limit,
-            ahead + limit,
-            width=far - near,
-            facecolor=_FOLLOWER,
-            alpha=0.08,
-            zorder=1,
+    for looks in (
+        {"facecolor": _FOLLOWER, "alpha": 0.08},
+        {"fill": False, "edgecolor": INK, "linewidth": 0.4},
+    ):
+        field = Wedge(
+            (x, y), far, ahead - limit, ahead + limit, width=far - near, zorder=1, **looks
         )
-    )
-    ax.add_patch(
-        Wedge(
-            (x, y),
-            far,
-            ahead - limit,
-            ahead + limit,
-            width=far - near,
-            fill=False,
-            edgecolor=INK,
-            linewidth=0.4,
-            zorder=1,
-        )
-    )
+        ax.add_patch(field)
     tile = int(now[FIELDS.index("state")])
     tiles = about["tiles"]
     if tile < 0 or tiles is None:

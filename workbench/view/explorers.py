@@ -79,50 +79,58 @@ def tile_explorer(
         fig = Figure(figsize=(7.0, 6.4), layout="constrained")
         grid = fig.add_gridspec(2, 2, height_ratios=(1.5, 1))
         tile_fan(config, ax=fig.add_subplot(grid[0, :]))
-        depth = fig.add_subplot(grid[1, 0])
-        counts = fig.add_subplot(grid[1, 1])
-        depth.bar(
-            edges[:-1],
-            np.diff(edges),
-            width=np.diff(edges),
-            align="edge",
-            color=CYCLE[5],
-            edgecolor=INK,
-            linewidth=0.7,
-        )
-        depth.set(
-            xlabel="distance between centres in mm",
-            ylabel="depth of the tile in mm",
-            ylim=(0, None),
-        )
-        places = np.linspace(edges[0], edges[-1], 60)
-        curve, at_edges = (
-            [_front(mm / 1000, 0.0, InfraredConfig())[0][0] for mm in where]
-            for where in (places, edges)
-        )
-        counts.plot(places, curve, color=CYCLE[1])
-        counts.vlines(edges, 0.5, at_edges, color=INK, linewidth=0.6)
-        counts.axhline(config.threshold_counts, color=CYCLE[0], linestyle="--", linewidth=1)
-        counts.annotate(
-            "seen above",
-            (edges[-1], config.threshold_counts),
-            ha="right",
-            va="bottom",
-            fontsize=8.5,
-            color=CYCLE[0],
-        )
-        counts.set(
-            xlabel="distance between centres in mm",
-            ylabel="counts of a front sensor",
-            yscale="log",
-            ylim=(0.5, 4000),
-        )
+        _depths(fig.add_subplot(grid[1, 0]), edges)
+        _counts(fig.add_subplot(grid[1, 1]), edges, config.threshold_counts)
         fig.suptitle(
             f"{distance_tiles}×{bearing_tiles} = {config.grid().n} states, {config.rows} rows "
             "of the table; "
             f"middle tile {middle[0]:.1f} mm × {middle[1]:.1f}°"
         )
     return fig
+
+
+def _depths(ax: Axes, edges: NDArray[np.float64]) -> None:
+    """Draw the depth of every distance tile; edges in mm."""
+    ax.bar(
+        edges[:-1],
+        np.diff(edges),
+        width=np.diff(edges),
+        align="edge",
+        color=CYCLE[5],
+        edgecolor=INK,
+        linewidth=0.7,
+    )
+    ax.set(
+        xlabel="distance between centres in mm",
+        ylabel="depth of the tile in mm",
+        ylim=(0, None),
+    )
+
+
+def _counts(ax: Axes, edges: NDArray[np.float64], threshold: float) -> None:
+    """Draw what a front sensor reads of a cup over the distance; edges in mm."""
+    places = np.linspace(edges[0], edges[-1], 60)
+    curve, at_edges = (
+        [_front(mm / 1000, 0.0, InfraredConfig())[0][0] for mm in where]
+        for where in (places, edges)
+    )
+    ax.plot(places, curve, color=CYCLE[1])
+    ax.vlines(edges, 0.5, at_edges, color=INK, linewidth=0.6)
+    ax.axhline(threshold, color=CYCLE[0], linestyle="--", linewidth=1)
+    ax.annotate(
+        "seen above",
+        (edges[-1], threshold),
+        ha="right",
+        va="bottom",
+        fontsize=8.5,
+        color=CYCLE[0],
+    )
+    ax.set(
+        xlabel="distance between centres in mm",
+        ylabel="counts of a front sensor",
+        yscale="log",
+        ylim=(0.5, 4000),
+    )
 
 
 def _front(

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 
 from workbench import paths
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.laws import ControlLaw, Controller, check_controller
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.table import Controller, check_controller
 from workbench.formation.policy import Policy
 from workbench.lab.runs import Run
 from workbench.measures.motion import Motion

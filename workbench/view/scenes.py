@@ -37,11 +37,13 @@ from numpy.typing import NDArray
 
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
-from workbench.formation.functions import OwnLaw
-from workbench.formation.laws import CarrotPI, ControlLaw
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.own import OwnLaw
 from workbench.formation.places import track_of
 from workbench.formation.policy import Policy
 from workbench.formation.reset import PHASES
+from workbench.formation.senses.infrared import equip as fit_sensors
 from workbench.formation.simulated import SimulatedRobot, sense
 from workbench.lab.records import sampled_blocks
 from workbench.lab.runs import Run
@@ -219,6 +221,38 @@ def _who(law: ControlLaw | None) -> str:
     return f"law {law.name!r}" if law is not None else "nobody"
 
 
+def _check(
+    config: ConvoyConfig, policy: Policy | None, law: ControlLaw | None, learn: object, free: bool
+) -> None:
+    """Refuse what no live scene can show; ``free``: somebody drives the leader."""
+    if policy is not None and law is not None:
+        raise ValueError(
+            "policy and law are both given; expected one of them to drive the followers"
+        )
+    if (
+        isinstance(learn, bool)
+        or not isinstance(learn, int)
+        or learn < 0
+        or (learn and law is not None)
+    ):
+        raise ValueError(
+            f"learn = {learn!r} with law = {law!r}; expected a whole number of updates "
+            "from 0, and no law where they learn"
+        )
+    if config.delay_steps:
+        raise ValueError(
+            f"ConvoyConfig.compute_time_s = {config.compute_time_s!r} without the buffer; "
+            "a live scene runs whole control "
+            "periods: expected learner.buffer = True"
+        )
+    if config.reset == "restart" and free:
+        raise ValueError(
+            "ConvoyConfig.reset = 'restart' with a leader that somebody drives; it would "
+            "be put back at every loss: expected "
+            "'manoeuvre'"
+        )
+
+
 class LiveScene:
     """A simulated convoy, one frame per control period.
 
@@ -250,32 +284,7 @@ class LiveScene:
         drive: bool = False,
         commands: Sequence[tuple[int, int]] | NDArray[np.int64] | None = None,
     ) -> None:
-        if policy is not None and law is not None:
-            raise ValueError(
-                "policy and law are both given; expected one of them to drive the followers"
-            )
-        if (
-            isinstance(learn, bool)
-            or not isinstance(learn, int)
-            or learn < 0
-            or (learn and law is not None)
-        ):
-            raise ValueError(
-                f"learn = {learn!r} with law = {law!r}; expected a whole number of updates "
-                "from 0, and no law where they learn"
-            )
-        if config.delay_steps:
-            raise ValueError(
-                f"ConvoyConfig.compute_time_s = {config.compute_time_s!r} without the buffer; "
-                "a live scene runs whole control "
-                "periods: expected learner.buffer = True"
-            )
-        if config.reset == "restart" and (drive or commands is not None):
-            raise ValueError(
-                "ConvoyConfig.reset = 'restart' with a leader that somebody drives; it would "
-                "be put back at every loss: expected "
-                "'manoeuvre'"
-            )
+        _check(config, policy, law, learn, drive or commands is not None)
         if policy is not None:
             policy.check(config)
         elif law is None and not learn:
@@ -308,13 +317,12 @@ class LiveScene:
             steps=10**12 if self.learn else 0,
             periods=10**12,
             horizon=self.learn or None,
-            policy=None if self.policy is None else self.policy.theta,
-            law=self.law,
+            policy=self.law if self.policy is None else self.policy.theta,
             external=0 if self._external else None,
             threads=1,
         )
         if not self.convoy.has_sensors:
-            self.convoy.fit_sensors()
+            fit_sensors(self.convoy)
         self._noise = np.random.default_rng(self.config.seed)  # of the readings that are only shown
         self._helm = Helm(self.config)
         self._joystick = (0.0, 0.0)

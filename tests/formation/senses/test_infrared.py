@@ -19,7 +19,7 @@ from workbench.formation.simulated import SimulatedRobot, sense
 from workbench.formation.solo import SoloFollower, drive
 from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
-from workbench.robot.infrared import SLOT, InfraredConfig, circles_light, saturate
+from workbench.robot.infrared import SLOT, Circles, InfraredConfig, circles_light, saturate
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
 from workbench.studies.infrared_trials import recoveries, true_errors, within
@@ -276,12 +276,14 @@ def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_s
             y,
             math.cos(heading),
             math.sin(heading),
-            np.array([0.105 - 0.05 * age]),
-            np.zeros(1),
-            1,
-            float(task["infrared"]["radius"][0]),
-            float(task["infrared"]["strength"][0]),
-            0,
+            Circles(
+                np.array([0.105 - 0.05 * age]),
+                np.zeros(1),
+                1,
+                float(task["infrared"]["radius"][0]),
+                float(task["infrared"]["strength"][0]),
+                0,
+            ),
         )
         assert robots[1]["infrared"]["readings"][k] == pytest.approx(
             saturate(light, 4000.0), abs=0.8, rel=0.02

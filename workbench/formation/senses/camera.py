@@ -10,25 +10,22 @@ errors.
 Both end in the same tracker. Distance and bearing come from the poses of follower and predecessor;
 if one of them is nowhere, the predecessor is out of sight.
 
-Contract: ``camera_pose`` and ``observe_tracked`` are compiled; ``Eyes`` is Python and holds the
-pictures of one formation.
+Contract: what the loop calls is compiled.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.arena.camera.tracker import bias_at, follow_marker
-from workbench.arena.world import World
+from workbench.arena.camera.config import NOISE, CameraConfig
+from workbench.arena.camera.eyes import Eyes
+from workbench.arena.camera.tracker import TRACK, bias_at, follow_marker
 from workbench.compiled import compiled
 from workbench.formation.senses.infrared import UNSEEN
+from workbench.formation.senses.sense import EVERYBODY, Draw, Sense, Values
 from workbench.formation.senses.truth import observe
 from workbench.robot.geometry import CONTROL_PERIOD
-
-if TYPE_CHECKING:
-    from workbench.arena.camera.optics import Camera
 
 # of TASK.camera
 MODEL = 1
@@ -63,10 +60,8 @@ def camera_pose(
         follow_marker(robot.camera, sight[3] > 0.5, sight[0], sight[1], sight[2], CONTROL_PERIOD)
         return
     age = task.camera.latency
-    x, y = (
-        robot.pose.x - age * robot.motion.speed * robot.pose.cos,
-        robot.pose.y - age * robot.motion.speed * robot.pose.sin,
-    )
+    x = robot.pose.x - age * robot.motion.speed * robot.pose.cos
+    y = robot.pose.y - age * robot.motion.speed * robot.pose.sin
     heading = math.atan2(robot.pose.sin, robot.pose.cos) - age * robot.motion.turn
     view = task.camera.window
     found = shown and u >= task.camera.missed and view[0] < x < view[1] and view[2] < y < view[3]
@@ -98,65 +93,92 @@ def observe_tracked(robot: Any, ahead: Any) -> tuple[float, float]:
     )
 
 
-class Eyes:
-    """The camera of one formation, in pixels.
+@compiled
+def locate(task: Any, one: Any, formation: Any, i: int) -> None:
+    """Track robot i."""
+    shown = formation.periods % task.camera.every == 0
+    chance = one.chance[i]
+    camera_pose(task, one.robots[i], one.sights[i], one.lens, chance.camera, chance.hidden, shown)
 
-    Args:
-        camera: calibrated.
-        world, formation: what is looked at.
-        noise, hidden: generators of picture noise and of hidden markers.
-    """
 
-    def __init__(
-        self,
-        camera: "Camera",
-        world: World,
-        formation: int,
-        noise: np.random.Generator,
-        hidden: np.random.Generator,
-    ) -> None:
-        from workbench.arena.camera.frames import Frames
-        from workbench.arena.camera.markers import Finder
+@compiled
+def see(task: Any, robots: Any, i: int, chance: Any) -> None:
+    """Write where the predecessor of follower i is by the tracked poses."""
+    robot = robots[i]
+    if not robot.seen.silent:
+        robot.seen.distance, robot.seen.bearing = observe_tracked(robot, robots[i - 1])
 
-        self.camera = camera
-        self.frames = Frames(camera, world.floor, world.robots, noise, formation=formation)
-        self.finder = Finder(camera, world.robots)
-        self._hidden = hidden
-        self._config = camera.config
-        self.frame: NDArray[np.uint8] | None = None
 
-    def look(
-        self,
-        t: int,
-        robots: NDArray[np.void],
-        poses: NDArray[np.float64],
-        sights: NDArray[np.float64],
-    ) -> None:
-        """Draw and search one picture; write (robots, 4) sights: x, y, heading, found.
-
-        Args:
-            t: control periods since the start.
-            robots: their records: motion in the last period, and where the tracker expects them.
-            poses: (robots, 3) true poses of this moment.
-        """
-        sights[:, 3] = 0.0
-        if t % self._config.every:
-            return
-        age = self._config.latency_s
-        past = poses.copy()
-        past[:, 0] -= age * robots["motion"]["speed"] * np.cos(poses[:, 2])
-        past[:, 1] -= age * robots["motion"]["speed"] * np.sin(poses[:, 2])
-        past[:, 2] -= age * robots["motion"]["turn"]
-        hidden = self._hidden.random(len(poses)) < self._config.dropout
-        self.frame = self.frames.frame(past, hidden)
-        ahead = robots["camera"]["speed"] * CONTROL_PERIOD
-        x, y = (
-            robots["camera"]["x"] + ahead * robots["camera"]["cos"],
-            robots["camera"]["y"] + ahead * robots["camera"]["sin"],
+def check(config: Any) -> None:
+    """Refuse noise beside the camera's own."""
+    if config.noisy:
+        raise ValueError(
+            f"ConvoyConfig.noise_distance_m = {config.noise_distance_m!r}, "
+            f"noise_bearing_rad = {config.noise_bearing_rad!r} with "
+            f"sensing = {config.sensing!r}; a camera has noise of its own: see camera.conditions"
         )
-        expected = {
-            number: (float(x[number]), float(y[number]), 0.0)
-            for number in np.flatnonzero(robots["camera"]["tracked"]).tolist()
-        }
-        for number, pose in self.finder.find(self.frame, expected).items():
-            sights[number] = (*pose, 1.0)
+
+
+def fill(config: Any) -> Values:
+    """Return the fields of the overhead camera; what it sees (``window``) is for ``equip``."""
+    camera = config.camera
+    *noise, missed = NOISE[camera.conditions]
+    coarse = (camera.span_m / camera.width_px) / (CameraConfig().span_m / CameraConfig().width_px)
+    camera_fields = {
+        "mode": PIXELS if config.sensing == "pixels" else MODEL,
+        "latency": camera.latency_s,
+        "every": camera.every,
+        "missed": 1 - (1 - missed) * (1 - camera.dropout),
+        "noise": coarse * np.array(noise),
+    }
+    return {"camera": camera_fields}
+
+
+def equip(convoy: Any) -> None:
+    """Hang and calibrate a camera over every formation of a convoy."""
+    from workbench.arena.camera.optics import Camera
+
+    config = convoy.config.camera
+    for b, (rng, track) in enumerate(zip(convoy.rngs, convoy.world.tracks, strict=True)):
+        camera = Camera(config, rng["lens"])
+        if not camera.sees(track.line):
+            raise ValueError(
+                f"CameraConfig.span_m = {config.span_m!r}; the track of seed "
+                f"{convoy.seeds[b]} leaves the picture: expected a "
+                "wider view (and more pixels), or a smaller track.radius_m"
+            )
+        if convoy.config.sensing == "pixels":
+            convoy.eyes.append(Eyes(camera, convoy.world, b, rng["pictures"], rng["covered"]))
+        else:
+            table, view = camera.bias_table()
+            if b == 0:
+                convoy.lens = np.zeros((len(convoy.seeds), *table.shape))
+                convoy.task["camera"]["window"] = view
+            convoy.lens[b] = table
+
+
+_KNOWN = ("distance", "bearing", "odometry")
+MODES = tuple(
+    Sense(
+        name,
+        tells,
+        _KNOWN,
+        see,
+        locate,
+        moving=True,
+        epuck=True,
+        draws=(
+            Draw("camera", (3,), "camera", EVERYBODY),
+            Draw("hidden", (), "hidden", EVERYBODY, uniform=True),
+        ),
+        robot=(("camera", TRACK),),
+        task=(("camera", CAMERA),),
+        fill=fill,
+        check=check,
+        equip=equip,
+    )
+    for name, tells in (
+        ("camera", "a fast model of an overhead camera's errors"),
+        ("pixels", "draws and searches pictures of an overhead camera"),
+    )
+)

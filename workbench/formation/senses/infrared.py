@@ -19,24 +19,44 @@ distance; UNSEEN otherwise.
 """
 
 import math
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.compiled import compiled
-from workbench.formation.steering import wrap
+from workbench.compiled import compiled, uncompiled
+from workbench.formation.angles import wrap
+from workbench.formation.readings import raw_scales, reading_tilings
+from workbench.formation.senses.sense import FOLLOWERS, Draw, Sense, Values
+from workbench.formation.streams import own_chance
+from workbench.learning.tiles import Tiling
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 from workbench.robot.infrared import (
+    BEACON_RANGE,
     BLINDED,
+    RANGE,
     RING,
     SENSORS,
     SLOT,
+    WARPS,
+    Circles,
+    calibrate,
     circles_light,
+    draw_units,
+    front_pair,
     headroom,
     raw_reading,
+    strength_of,
     warped,
 )
-from workbench.robot.inversion import FLOOR, NODES, invert
+from workbench.robot.inversion import (
+    DISTANCES,
+    FLOOR,
+    NODES,
+    WIDEST,
+    inversion_table,
+    invert,
+)
 from workbench.robot.motors import motor_speed
 
 NEAR = 8  # robots that one robot's sensors can be shown at once
@@ -60,8 +80,7 @@ INFRARED = np.dtype(
 )
 PERCEPTION = np.dtype(
     [
-        ("sees", "i8"),  # whether followers see by infrared; whether they tile raw readings
-        ("raw", "i8"),
+        ("sees", "i8"),  # whether followers see by infrared
         ("radius", "f8"),  # what is looked at; sampling
         ("strength", "f8"),
         ("beacon", "i8"),
@@ -97,49 +116,54 @@ def sense_proximity(task: Any, robots: Any, i: int, noise: Any) -> None:
         age = task.infrared.age + (3 - slot) * SLOT
         turned = -age * robot.motion.turn
         cos, sin = math.cos(turned), math.sin(turned)
-        c, s = (
-            robot.pose.cos * cos - robot.pose.sin * sin,
-            robot.pose.sin * cos + robot.pose.cos * sin,
-        )
+        c = robot.pose.cos * cos - robot.pose.sin * sin
+        s = robot.pose.sin * cos + robot.pose.cos * sin
         x, y = _earlier(robot, age)
-        count = 0
-        for j in range(robots.size):
-            if j == i or count == NEAR:
-                continue
-            other = robots[j]
-            ox, oy = _earlier(other, age)
-            if (ox - x) * (ox - x) + (oy - y) * (oy - y) < reach * reach:
-                robot.infrared.near_x[count], robot.infrared.near_y[count] = ox, oy
-                count += 1
+        count = _gather(robots, i, age, x, y, reach)
         for k in (slot, slot + 4):
-            light = 0.0
-            if count:
-                light = circles_light(
-                    k,
-                    x,
-                    y,
-                    c,
-                    s,
-                    robot.infrared.near_x,
-                    robot.infrared.near_y,
-                    count,
-                    task.infrared.radius,
-                    task.infrared.strength,
-                    task.infrared.beacon,
-                )
-            room = headroom(
-                k, c, s, task.infrared.ambient, task.infrared.ambient_cos, task.infrared.ambient_sin
-            )
-            raw = raw_reading(
-                light,
-                robot.infrared.gain[k],
-                robot.infrared.offset[k],
-                room,
-                noise[k],
-                task.infrared.spread,
-            )
-            robot.infrared.readings[k] = max(raw - robot.infrared.bias[k], 0.0)
-            robot.infrared.headroom[k] = round(room)
+            _read(task, robot.infrared, k, Stand(x, y, c, s), count, noise[k])
+
+
+class Stand(NamedTuple):
+    """Where a robot stands: x, y in m, cosine and sine of its heading."""
+
+    x: float
+    y: float
+    c: float
+    s: float
+
+
+@compiled
+def _gather(robots: Any, i: int, age: float, x: float, y: float, reach: float) -> int:
+    """Note the places of the robots within reach (m) of robot i at x, y; return their number."""
+    infrared = robots[i].infrared
+    count = 0
+    for j in range(robots.size):
+        if j == i or count == NEAR:
+            continue
+        other = robots[j]
+        ox, oy = _earlier(other, age)
+        if (ox - x) * (ox - x) + (oy - y) * (oy - y) < reach * reach:
+            infrared.near_x[count] = ox
+            infrared.near_y[count] = oy
+            count += 1
+    return count
+
+
+@compiled
+def _read(task: Any, infrared: Any, k: int, at: Any, count: int, noise: float) -> None:
+    """Read sensor k of a robot that stands ``at`` a place, with ``count`` robots near."""
+    world = task.infrared
+    light = 0.0
+    if count:
+        near = Circles(
+            infrared.near_x, infrared.near_y, count, world.radius, world.strength, world.beacon
+        )
+        light = circles_light(k, at.x, at.y, at.c, at.s, near)
+    room = headroom(k, at.c, at.s, world.ambient, world.ambient_cos, world.ambient_sin)
+    raw = raw_reading(light, infrared.gain[k], infrared.offset[k], room, noise, world.spread)
+    infrared.readings[k] = max(raw - infrared.bias[k], 0.0)
+    infrared.headroom[k] = round(room)
 
 
 @compiled
@@ -190,15 +214,148 @@ def look(task: Any, robot: Any) -> tuple[float, float]:
 
 
 @compiled
-def raw_errors(task: Any, robot: Any) -> tuple[float, float]:
+def raw_errors(task: Any, robot: Any, e_d: float, o_err: float) -> tuple[float, float]:
     """Return the distance-like and the bearing-like error of two readings, both in [-1, 1], for the
     reward of ir-raw.
 
     The mean of the logarithms counts from the wanted place to the bounds, straight ahead; their
     difference to the bound of the bearing at the wanted distance. Positive: too far; to the left.
     """
-    left, right = math.log(robot.infrared.left + FLOOR), math.log(robot.infrared.right + FLOOR)
+    left = math.log(robot.infrared.left + FLOOR)
+    right = math.log(robot.infrared.right + FLOOR)
     mean = (left + right) / 2 - task.infrared.raw_middle
     u = mean / task.infrared.raw_far if mean < 0.0 else -mean / task.infrared.raw_near
     v = (left - right) / task.infrared.raw_side
     return min(max(u, -1.0), 1.0), min(max(v, -1.0), 1.0)
+
+
+@compiled
+def see(task: Any, robots: Any, i: int, chance: Any) -> None:
+    """Write where the predecessor of follower i is by its own readings."""
+    robot = robots[i]
+    if not robot.seen.silent:
+        sense_proximity(task, robots, i, chance.infrared)
+    robot.seen.distance, robot.seen.bearing = look(task, robot)
+
+
+@compiled
+def tile_readings(task: Any, follower: Any, e_d: float, o_err: float) -> tuple[bool, float, float]:
+    """Return whether the errors are inside the bounds, and the two front readings in counts."""
+    inside = abs(e_d) < task.bounds.half_range and abs(o_err) < task.bounds.bearing
+    return inside, follower.infrared.left, follower.infrared.right
+
+
+def check(config: Any) -> None:
+    """Refuse bounds at which nothing is seen, and noise beside the readings' own."""
+    if config.noise_distance_m or config.noise_bearing_rad:
+        raise ValueError(
+            f"ConvoyConfig.noise_distance_m = {config.noise_distance_m!r}, "
+            f"noise_bearing_rad = {config.noise_bearing_rad!r} with "
+            f"sensing = {config.sensing!r}; readings have noise of their own: use infrared.noise"
+        )
+    far, _ = uncompiled(front_pair)(config.distance_m[1], 0.0, config.infrared)
+    if far < config.threshold_counts:
+        raise ValueError(
+            f"ConvoyConfig.distance_m = {config.distance_m!r} with sensing = "
+            f"{config.sensing!r}; at {config.distance_m[1]:g} m a "
+            f"{config.infrared.target} reads {far:.1f} counts, below threshold_counts = "
+            f"{config.threshold_counts:g}: expected a "
+            "far bound at which the robot in front is still seen (0.13 for a cup)"
+        )
+    if config.distance_m[1] > DISTANCES[1]:
+        raise ValueError(
+            f"ConvoyConfig.distance_m = {config.distance_m!r} with sensing = "
+            f"{config.sensing!r}; two readings are inverted up to "
+            f"{DISTANCES[1]:g} m: expected a far bound of at most that"
+        )
+    if config.bearing_limit_rad > WIDEST:
+        raise ValueError(
+            f"ConvoyConfig.bearing_limit_rad = {config.bearing_limit_rad!r} with sensing = "
+            f"{config.sensing!r}; two readings tell "
+            f"a bearing up to {WIDEST:.2f} rad: expected at most that (0.436 is 25°)"
+        )
+
+
+def sensor_fields(config: Any) -> dict[str, Any]:
+    """Return the fields of infrared sensors and of what they look at."""
+    infrared = config.infrared
+    radius, strength, beacon = strength_of(infrared)
+    return {
+        "radius": radius,
+        "strength": strength,
+        "beacon": beacon,
+        "reach": BEACON_RANGE if beacon else RANGE,
+        "spread": infrared.noise / math.sqrt(infrared.samples),
+        "age": infrared.age_s,
+        "ambient": infrared.ambient_counts,
+        "ambient_cos": math.cos(infrared.ambient_direction_rad),
+        "ambient_sin": math.sin(infrared.ambient_direction_rad),
+        "warp": WARPS.index(infrared.warp),
+    }
+
+
+def fill(config: Any) -> Values:
+    """Return the fields of a follower that sees with nothing but its infrared."""
+    middle, near, far, side = raw_scales(
+        config.infrared, config.distance_m, config.bearing_limit_rad, FLOOR
+    )
+    fields = {
+        "sees": 1,
+        "threshold": config.threshold_counts,
+        "table": inversion_table(config.infrared),
+        "raw_middle": middle,
+        "raw_near": near,
+        "raw_far": far,
+        "raw_side": side,
+    }
+    return {"infrared": fields}
+
+
+def tilings(config: Any) -> tuple[Tiling, Tiling]:
+    """Return the tilings of the two front readings."""
+    kinds = (config.distance_tiling, config.bearing_tiling)
+    return reading_tilings(config.infrared, config.distance_m, config.state_tiles, kinds)
+
+
+def equip(convoy: Any) -> None:
+    """Give every robot of a convoy infrared sensors of its own, and let it calibrate them; once,
+    where nothing has done so.
+    """
+    convoy.has_sensors = True
+    infrared = convoy.config.infrared
+    for robots, rng, seed in zip(convoy.robots, convoy.rngs, convoy.seeds, strict=True):
+        for number, robot in enumerate(robots):
+            record = robot["infrared"]
+            record["gain"], record["offset"] = draw_units(rng["units"], infrared)
+            if infrared.calibrated:
+                chance = own_chance(convoy.config.fleet or seed, number, "bias")
+                record["bias"] = calibrate(chance, infrared, record["offset"])
+
+
+_METRIC = Sense(
+    "ir-metric",
+    "inverts two infrared readings",
+    ("distance", "bearing", "odometry"),
+    see,
+    moving=True,
+    epuck=True,
+    draws=(Draw("infrared", (SENSORS,), "infrared", FOLLOWERS),),
+    robot=(("infrared", INFRARED),),
+    task=(("infrared", PERCEPTION),),
+    fill=fill,
+    check=check,
+    equip=equip,
+)
+MODES = (
+    _METRIC,
+    replace(
+        _METRIC,
+        name="ir-raw",
+        tells="tiles the readings themselves",
+        gives=("readings", "odometry"),
+        tiled=tile_readings,
+        errors=raw_errors,
+        units=("counts", "counts"),
+        tilings=tilings,
+    ),
+)

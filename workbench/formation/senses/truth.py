@@ -1,5 +1,5 @@
-"""The two error measures of the paper (section II-A, Fig. 1), from the poses of a follower and its
-predecessor.
+"""What a follower is told by the simulator: the two error measures of the paper (section II-A,
+Fig. 1), from the poses of a follower and its predecessor, with white noise where asked for.
 
 * distance error e_d = d - d*, where d is the distance between the robots' centres and d* the middle
   of [d_min, d_max];
@@ -14,8 +14,10 @@ is lost: a terminal.
 """
 
 import math
+from typing import Any
 
 from workbench.compiled import compiled
+from workbench.formation.angles import wrap
 
 
 @compiled
@@ -27,3 +29,19 @@ def observe(
     """
     dx, dy = ahead_x - x, ahead_y - y
     return math.sqrt(dx * dx + dy * dy), math.atan2(c * dy - s * dx, c * dx + s * dy)
+
+
+@compiled
+def see(task: Any, robots: Any, i: int, chance: Any) -> None:
+    """Write where the predecessor of follower i truly is, with noise."""
+    robot = robots[i]
+    if robot.seen.silent:
+        return
+    pose = robot.pose
+    ahead = robots[i - 1].pose
+    distance, bearing = observe(pose.x, pose.y, pose.cos, pose.sin, ahead.x, ahead.y)
+    if task.noise.any:
+        distance = abs(distance + task.noise.distance * chance.noise[0])
+        bearing = wrap(bearing + task.noise.bearing * chance.noise[1])
+    robot.seen.distance = distance
+    robot.seen.bearing = bearing

@@ -27,7 +27,7 @@ from workbench.arena.camera.config import CONDITIONS, NOISE, CameraConfig
 from workbench.arena.camera.frames import Frames
 from workbench.arena.camera.markers import Finder
 from workbench.arena.camera.optics import Camera
-from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.storage import write_json, write_table
 
 FOLDER = paths.DATA / "validation"
 MARKERS = 6
@@ -97,37 +97,15 @@ def validate_camera(
     """Write camera.csv and camera.json into data/validation/ (or ``out``); return the aggregates
     and the times.
     """
-    lines = []
-    fits = {}
-    speeds = {}
-    totals = {}
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        for conditions in CONDITIONS:
-            config = CameraConfig(conditions=conditions)
-            for calibration in ("exact", "with errors"):
-                exact = calibration == "exact"
-                parts = [
-                    find_again(config, seed, pictures, exact=exact) for seed in range(1, seeds + 1)
-                ]
-                data = pd.concat([frame for frame, _ in parts])
-                lines += _bands(data, {"conditions": conditions, "calibration": calibration})
-                if exact:
-                    fits[conditions] = _fit(data)
-                else:
-                    speeds[f"{conditions}_frames_per_s"] = 1 / float(
-                        np.median([seconds for _, seconds in parts])
-                    )
-                    totals[conditions] = _bands(data, {}, ((0.0, 9.0),))[0]
+        lines, fits, speeds, totals = _all_conditions(seeds, pictures)
     finally:
         cv2.setNumThreads(threads)
     folder = out or FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    content = (
-        pd.DataFrame(lines).to_csv(index=False, float_format="%.4g", lineterminator="\n").encode()
-    )
-    write_bytes(folder / "camera.csv", content)
+    write_table(folder / "camera.csv", pd.DataFrame(lines), digits=4)
     write_json(
         folder / "camera.json",
         {
@@ -147,6 +125,33 @@ def validate_camera(
         **speeds,
         "written": ["camera.csv", "camera.json"],
     }
+
+
+def _all_conditions(
+    seeds: int, pictures: int
+) -> tuple[list[dict[str, Any]], dict[str, Any], dict[str, float], dict[str, Any]]:
+    """Return errors by distance from the middle, fitted noise, pictures per second and totals."""
+    lines = []
+    fits = {}
+    speeds = {}
+    totals = {}
+    for conditions in CONDITIONS:
+        config = CameraConfig(conditions=conditions)
+        for calibration in ("exact", "with errors"):
+            exact = calibration == "exact"
+            parts = [
+                find_again(config, seed, pictures, exact=exact) for seed in range(1, seeds + 1)
+            ]
+            data = pd.concat([frame for frame, _ in parts])
+            lines += _bands(data, {"conditions": conditions, "calibration": calibration})
+            if exact:
+                fits[conditions] = _fit(data)
+            else:
+                speeds[f"{conditions}_frames_per_s"] = 1 / float(
+                    np.median([seconds for _, seconds in parts])
+                )
+                totals[conditions] = _bands(data, {}, ((0.0, 9.0),))[0]
+    return lines, fits, speeds, totals
 
 
 def _bands(data: pd.DataFrame, labels: dict[str, str], bands: Any = None) -> list[dict[str, Any]]:

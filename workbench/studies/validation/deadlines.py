@@ -28,7 +28,7 @@ from workbench.formation.policy import Policy
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower, drive
 from workbench.lab.runs import learn
-from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.storage import write_json, write_table
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
 from workbench.studies.tables import update_time_s
@@ -59,33 +59,10 @@ def measure_deadlines(
     folder = out or paths.DATA / "validation"
     folder.mkdir(parents=True, exist_ok=True)
     lines = []
-    for table, (states, actions) in TABLES.items():
-        base = replace(SETTINGS["infrared"], followers=1, state_tiles=states, action_levels=actions)
-        policy = learn(replace(base, drive="planar"), steps=LEARNED, progress=False).policy
-        assert isinstance(policy, Policy)
-        for factor in (
-            factors if states == (9, 9) else [f for f in SMALL_TABLE_FACTORS if f in factors]
-        ):
-            for buffer in (True, False):
-                for seed in range(1, seeds + 1):
-                    config = replace(base, learner=replace(base.learner, buffer=buffer), seed=seed)
-                    label = {
-                        "table": table,
-                        "factor": factor,
-                        "buffer": "on" if buffer else "off",
-                        "seed": seed,
-                    }
-                    update_s = update_time_s(factor, config)
-                    lines.append(
-                        label
-                        | {"update_ms": 1000 * update_s}
-                        | _drive(config, policy, update_s, seconds)
-                    )
+    for table in TABLES:
+        lines += _drives(table, factors, seeds, seconds)
     frame = pd.DataFrame(lines)
-    write_bytes(
-        folder / "deadlines.csv",
-        frame.to_csv(index=False, float_format="%.4g", lineterminator="\n").encode(),
-    )
+    write_table(folder / "deadlines.csv", frame, digits=4)
     write_json(
         folder / "deadlines.json",
         {
@@ -96,7 +73,7 @@ def measure_deadlines(
             "seeds": seeds,
             "drives": len(frame),
             "updates_before": LEARNED,
-            "sensing": base.sensing,
+            "sensing": SETTINGS["infrared"].sensing,
             "tables": list(TABLES),
             "factors": list(factors),
         },
@@ -108,6 +85,34 @@ def measure_deadlines(
         "medians": medians.reset_index().to_dict("records"),
         "written": ["deadlines.csv", "deadlines.json"],
     }
+
+
+def _drives(
+    table: str, factors: Sequence[float], seeds: int, seconds: float
+) -> list[dict[str, Any]]:
+    """Return a line per drive with one of TABLES."""
+    states, actions = TABLES[table]
+    lines = []
+    base = replace(SETTINGS["infrared"], followers=1, state_tiles=states, action_levels=actions)
+    policy = learn(replace(base, drive="planar"), steps=LEARNED, progress=False).policy
+    assert isinstance(policy, Policy)
+    for factor in factors if states == (9, 9) else [f for f in SMALL_TABLE_FACTORS if f in factors]:
+        for buffer in (True, False):
+            for seed in range(1, seeds + 1):
+                config = replace(base, learner=replace(base.learner, buffer=buffer), seed=seed)
+                label = {
+                    "table": table,
+                    "factor": factor,
+                    "buffer": "on" if buffer else "off",
+                    "seed": seed,
+                }
+                update_s = update_time_s(factor, config)
+                lines.append(
+                    label
+                    | {"update_ms": 1000 * update_s}
+                    | _drive(config, policy, update_s, seconds)
+                )
+    return lines
 
 
 def _drive(

@@ -33,10 +33,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from workbench import paths
-from workbench.arena.model import TIMESTEP
+from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.arena.world import World
-from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.storage import write_json, write_table
 from workbench.robot.geometry import STEP, STEPS_PER_TURN
 from workbench.robot.motors import motor_speed, motor_speed_epuck2
 
@@ -84,10 +84,7 @@ def validate_drive(*, out: Path | None = None) -> dict[str, Any]:
     folder = out or FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     summary = _aggregate(table)
-    write_bytes(
-        folder / "drive.csv",
-        table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode(),
-    )
+    write_table(folder / "drive.csv", table, digits=6)
     write_json(
         folder / "drive.json",
         {
@@ -96,7 +93,7 @@ def validate_drive(*, out: Path | None = None) -> dict[str, Any]:
             "source": "github MarkDannemiller/ttu_dp_elisa3_python, commit "
             "d9fc88959c9105d374a713e42aa1b4d27e8dce4f, test-data",
             "files_with_set_points": int(table["file"].nunique()),
-            "robot_runs": int(len(table) // (len(RULES) * len(TIMESTEP))),
+            "robot_runs": int(len(table) // (len(RULES) * len(DRIVES))),
             "steps_per_s_per_unit": STEPS_PER_UNIT,
             "window_s": WINDOW_S,
             "aggregates": summary,
@@ -122,7 +119,7 @@ def replay(drive: str, rule: str, times_s: Floats, commands: Floats) -> Floats:
         spacing_m=0.15,
     )
     world.place(0, 0, 0.0, 0.0, 0.0)
-    begin = np.round(times_s / TIMESTEP[drive]).astype(int)
+    begin = np.round(times_s / DRIVES[drive].timestep_s).astype(int)
     scale = 2 * math.pi / STEPS_PER_TURN if drive == "wheels" else STEP
     speeds = np.array([RULES[rule](round(command)) for command in commands]) * scale
     driven = np.zeros(begin[-1] + 1)
@@ -134,15 +131,24 @@ def replay(drive: str, rule: str, times_s: Floats, commands: Floats) -> Floats:
     return driven
 
 
+def _compare_drive(
+    time: Floats, real: Floats, driven: Floats, timestep_s: float
+) -> tuple[float, float, dict[str, float], dict[str, float]]:
+    """Return the delay of the start and that of the whole drive in s, and the errors with each."""
+    delay = best_delay(time, real, driven, timestep_s, seconds=START_S)
+    whole = best_delay(time, real, driven, timestep_s)
+    errors, fitted = (
+        _errors(time, real, shifted(driven, timestep_s, time, late)) for late in (delay, whole)
+    )
+    return delay, whole, errors, fitted
+
+
 def _compare_file(path: Path) -> list[dict[str, Any]]:
     frame = pd.read_csv(path)
     lines = []
     for robot in ROBOTS:
-        names = [
-            f"{robot}_left_setpoint_radps",
-            f"{robot}_right_setpoint_radps",
-            f"{robot}_position_m",
-        ]
+        kinds = ("left_setpoint_radps", "right_setpoint_radps", "position_m")
+        names = [f"{robot}_{kind}" for kind in kinds]
         if "timestamp_s" not in frame or not set(names) <= set(frame.columns):
             continue
         time, left, right, position = (
@@ -157,28 +163,19 @@ def _compare_file(path: Path) -> list[dict[str, Any]]:
         real = position[good] - position[good][0]
         if not np.any(left) or np.abs(real).max() <= MOVED_M:
             continue  # never commanded, or never moved
-        for drive in TIMESTEP:
+        label = {"file": path.stem, "robot": robot, "log": log, "longest_gap_s": gap}
+        label |= {"set_points": "constant" if np.ptp(left) == 0 else "changing"}
+        counts = {"rows": int(good.sum()), "rows_dropped": int((~good).sum())}
+        for drive in DRIVES:
             for rule in RULES:
                 driven = replay(drive, rule, time, left * STEPS_PER_UNIT)
-                delay = best_delay(time[good], real, driven, TIMESTEP[drive], seconds=START_S)
-                whole = best_delay(time[good], real, driven, TIMESTEP[drive])
-                errors = _errors(
-                    time[good], real, shifted(driven, TIMESTEP[drive], time[good], delay)
-                )
-                fitted = _errors(
-                    time[good], real, shifted(driven, TIMESTEP[drive], time[good], whole)
-                )
+                found = _compare_drive(time[good], real, driven, DRIVES[drive].timestep_s)
+                delay, whole, errors, fitted = found
                 lines.append(
-                    {
-                        "file": path.stem,
-                        "robot": robot,
-                        "log": log,
-                        "longest_gap_s": gap,
-                        "set_points": "constant" if np.ptp(left) == 0 else "changing",
-                        "drive": drive,
-                        "firmware": rule,
-                        "rows": int(good.sum()),
-                        "rows_dropped": int((~good).sum()),
+                    label
+                    | {"drive": drive, "firmware": rule}
+                    | counts
+                    | {
                         "start_up_delay_s": delay,
                         "mean_command_steps_s": float(np.abs(left).mean() * STEPS_PER_UNIT),
                     }

@@ -30,7 +30,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from workbench import paths
-from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.storage import write_json, write_table
 from workbench.logs.importers import PS, tum_box_sweep, wii42_backing_off, wii42_ground
 from workbench.robot.geometry import BODY_RADIUS
 from workbench.robot.infrared import BEARINGS, CONTACT, RING, SCALE, ray_share, saturate, wall_rays
@@ -84,28 +84,11 @@ def validate_infrared(*, out: Path | None = None) -> dict[str, Any]:
     table = pd.DataFrame(lines)
     curve = pd.concat(curves)
     ground = _ground(wii42_ground(recordings))
-    oblique = (table["kind"] == "backing off") & table["sensor"].isin(("ps1", "ps6"))
-    pooled = table[(table["run"] == "all") & ~oblique]
-    beside = table[(table["run"] == "all") & oblique]
-    summary = {
-        "worst_band": float(pooled["median_abs_log_error"].max()),
-        "bands": len(pooled),
-        "bands_within_target": int((pooled["median_abs_log_error"] <= TARGET).sum()),
-        "target": TARGET,
-        "oblique_bands": len(beside),
-        "oblique_bands_within_target": int((beside["median_abs_log_error"] <= TARGET).sum()),
-        "runs_and_bands": int((table["run"] != "all").sum()),
-        "runs_and_bands_within_target": int(
-            (table.loc[table["run"] != "all", "median_abs_log_error"] <= TARGET).sum()
-        ),
-    }
+    summary = _summary(table)
     folder = out or FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for name, frame in (("infrared", table), ("infrared_curves", curve), ("ground", ground)):
-        write_bytes(
-            folder / f"{name}.csv",
-            frame.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode(),
-        )
+        write_table(folder / f"{name}.csv", frame, digits=6)
     write_json(
         folder / "infrared.json",
         {
@@ -121,6 +104,25 @@ def validate_infrared(*, out: Path | None = None) -> dict[str, Any]:
     return {
         "aggregates": summary,
         "written": ["infrared.csv", "infrared_curves.csv", "ground.csv", "infrared.json"],
+    }
+
+
+def _summary(table: pd.DataFrame) -> dict[str, Any]:
+    """Return how many bands of angle or distance are within the target."""
+    oblique = (table["kind"] == "backing off") & table["sensor"].isin(("ps1", "ps6"))
+    pooled = table[(table["run"] == "all") & ~oblique]
+    beside = table[(table["run"] == "all") & oblique]
+    return {
+        "worst_band": float(pooled["median_abs_log_error"].max()),
+        "bands": len(pooled),
+        "bands_within_target": int((pooled["median_abs_log_error"] <= TARGET).sum()),
+        "target": TARGET,
+        "oblique_bands": len(beside),
+        "oblique_bands_within_target": int((beside["median_abs_log_error"] <= TARGET).sum()),
+        "runs_and_bands": int((table["run"] != "all").sum()),
+        "runs_and_bands_within_target": int(
+            (table.loc[table["run"] != "all", "median_abs_log_error"] <= TARGET).sum()
+        ),
     }
 
 

@@ -28,10 +28,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from workbench import paths
-from workbench.formation.config import INFRARED, SETTINGS, ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
+from workbench.formation.senses.table import INFRARED
 from workbench.lab.runs import learn
-from workbench.lab.storage import write_bytes, write_json
+from workbench.lab.storage import write_json, write_table
 from workbench.logs.importers import PS, wii42_backing_off
 from workbench.measures.off_policy import perceive
 from workbench.robot.infrared import BEARINGS, CONTACT, SENSORS, saturate
@@ -44,6 +45,17 @@ REACHED = 1e-4
 FILTERS = (1, 5)  # rows
 SEEDS = 10
 STEPS = 100_000
+
+
+def _config(route: str, states: int, actions: int) -> ConvoyConfig:
+    return replace(
+        SETTINGS["infrared"],
+        drive="planar",
+        followers=1,
+        sensing=route,
+        state_tiles=(states, states),
+        action_levels=(actions, actions),
+    )
 
 
 def validate_tiles(
@@ -69,40 +81,19 @@ def validate_tiles(
     changes = []
     for route in INFRARED:
         for states, actions in ((9, 7), (5, 3)):
-            config = replace(
-                SETTINGS["infrared"],
-                drive="planar",
-                followers=1,
-                sensing=route,
-                state_tiles=(states, states),
-                action_levels=(actions, actions),
-            )
+            config = _config(route, states, actions)
             policies, visits = _learned(config, seeds, steps)
             reached = visits >= REACHED * visits.sum()
             label = {"route": route, "table": f"{states}×{states}/{actions}×{actions}"}
-            for readings, gains in product(filtered, ("nominal", "fitted")):
-                runs = filtered[readings]
-                seen = label | {"readings": readings, "model": gains}
-                places = {
-                    name: (perceive(config, run["real"])[0], perceive(config, run[gains])[0])
-                    for name, run in runs.items()
-                }
-                real, model = (
-                    np.concatenate([pair[k] for pair in places.values()]) for k in (0, 1)
-                )
-                places["all"] = (real, model)
-                for name, pair in places.items():
-                    lines.append(seen | {"run": name} | _compare(config, policies, reached, *pair))
-                changes += [seen | change for change in _changes(config, real, model)]
+            found, moved = _compare_places(config, policies, reached, filtered)
+            lines += [label | line for line in found]
+            changes += [label | change for change in moved]
     table = pd.DataFrame(lines)
     moved = pd.DataFrame(changes)
     folder = out or FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for name, frame in (("tiles", table), ("tile_changes", moved)):
-        write_bytes(
-            folder / f"{name}.csv",
-            frame.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode(),
-        )
+        write_table(folder / f"{name}.csv", frame, digits=6)
     summary = table[table["run"] == "all"].drop(columns="run").to_dict("records")
     write_json(
         folder / "tiles.json",
@@ -118,6 +109,27 @@ def validate_tiles(
         },
     )
     return {"aggregates": summary, "written": ["tiles.csv", "tile_changes.csv", "tiles.json"]}
+
+
+def _compare_places(
+    config: ConvoyConfig, policies: Any, reached: Any, filtered: dict[str, Any]
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return a line per kind of readings and run, and the changes of tiles between neighbours."""
+    lines = []
+    changes = []
+    for readings, gains in product(filtered, ("nominal", "fitted")):
+        runs = filtered[readings]
+        seen = {"readings": readings, "model": gains}
+        places = {
+            name: (perceive(config, run["real"])[0], perceive(config, run[gains])[0])
+            for name, run in runs.items()
+        }
+        real, model = (np.concatenate([pair[k] for pair in places.values()]) for k in (0, 1))
+        places["all"] = (real, model)
+        for name, pair in places.items():
+            lines.append(seen | {"run": name} | _compare(config, policies, reached, *pair))
+        changes += [seen | change for change in _changes(config, real, model)]
+    return lines, changes
 
 
 def _situations(frame: pd.DataFrame, rows: int) -> dict[str, NDArray[np.float64]]:

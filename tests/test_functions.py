@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.formation.functions import code_sha256, own_reward
+from workbench.formation.own_reward import own_reward
 from workbench.lab.runs import learn_seeds
 
 CONFIG = wb.ConvoyConfig(drive="planar", seed=3)
@@ -71,32 +71,16 @@ def test_a_run_is_continued_only_with_the_same_reward(tmp_path):
     assert wb.load_run(tmp_path / "run").summary == again.summary
 
 
-def test_the_hash_knows_code_constants_and_numbers_from_outside(monkeypatch):
+def test_the_hash_is_of_what_a_function_returns(monkeypatch):
     def scaled(u, v):
         return -SCALE * abs(u)
 
-    def made(factor):
-        return lambda u, v: -factor * abs(u)
-
-    first = code_sha256(scaled)
+    first = own_reward(scaled).sha256
+    assert first == own_reward(lambda u, v: -2.0 * abs(u)).sha256  # written otherwise, the same
     monkeypatch.setitem(globals(), "SCALE", 3.0)
-    assert code_sha256(scaled) != first
-    assert code_sha256(made(1.0)) != code_sha256(made(2.0)) and code_sha256(
-        made(1.0)
-    ) == code_sha256(made(1.0))
-    assert code_sha256(lambda u, v: -1.0) != code_sha256(lambda u, v: -2.0)
-
-    table = (1.0, 2.0)
-    numbers = np.array([1.0])
-    nested = [lambda u, v: (lambda x: -1.0 * x)(u), lambda u, v: (lambda x: -7.0 * x)(u)]
-    before = [code_sha256(lambda u, v: table[0] * u), code_sha256(lambda u, v: numbers[0] * u)]
-    table = (5.0, 2.0)
-    numbers = np.array([3.0])
-    assert before != [
-        code_sha256(lambda u, v: table[0] * u),
-        code_sha256(lambda u, v: numbers[0] * u),
-    ]
-    assert code_sha256(nested[0]) != code_sha256(nested[1])
+    assert own_reward(scaled).sha256 != first
+    chase = wb.OwnLaw(function=_carrot)
+    assert chase.sha256() != wb.OwnLaw(function=lambda d, b: (0.05, 4.0 * b)).sha256()
 
 
 def test_a_number_that_was_changed_outside_is_used_at_the_next_call(monkeypatch):
@@ -122,9 +106,9 @@ def test_helpers_and_modules_are_taken_in_too(monkeypatch):
     assert own_reward(by_helper).worst == -2.0
     monkeypatch.setitem(globals(), "SCALE", 5.0)
     assert own_reward(by_helper).worst == -5.0
-    before = code_sha256(lambda u, v: module.weight * u)
+    before = own_reward(lambda u, v: module.weight * u).sha256
     module.weight = 2.0
-    assert code_sha256(lambda u, v: module.weight * u) != before
+    assert own_reward(lambda u, v: module.weight * u).sha256 != before
 
     def made(factor):
         return numba.njit(lambda x: factor * x)

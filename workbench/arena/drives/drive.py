@@ -1,0 +1,57 @@
+"""A drive: a fidelity of the simulated robot, as MuJoCo and the compiled loop need it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+
+from workbench.robot.description import RobotConfig
+
+# collision classes
+FLOOR = 1
+FOOT = 2
+BODY = 4
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One drive.
+
+    Attributes:
+        name: of the drive.
+        timestep_s: of the physics.
+        qpos: numbers per robot; at_rest: those of a robot at x, y (m) with a heading (rad).
+        actuators: per robot, the left and the right wheel first.
+        gravity: whether robots stand by their weight; axle_m: height of the axle in the body's
+            frame.
+        per_step: what an actuator's unit per second is for one step/s of a wheel.
+        add: adds the body with its actuators to a specification.
+        read: compiled (qpos, robot) -> x, y in m, cosine and sine of the heading.
+    """
+
+    name: str
+    timestep_s: float
+    qpos: int
+    actuators: tuple[str, ...]
+    gravity: bool
+    add: Callable[[mujoco.MjSpec, mujoco.MjsBody, str, RobotConfig], None]
+    at_rest: Callable[[RobotConfig, float, float, float], tuple[float, ...]]
+    axle_m: Callable[[RobotConfig], float]
+    per_step: Callable[[RobotConfig], float]
+    read: Any
+
+
+def add_sphere(
+    body: mujoco.MjsBody, name: str, radius: float, pos: list[float], **kinds: object
+) -> None:
+    """Add a sphere that takes part in contacts and weighs nothing."""
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[radius, 0, 0],
+        pos=pos,
+        mass=0,
+        group=3,
+        **kinds,
+    )

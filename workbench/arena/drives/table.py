@@ -1,0 +1,11 @@
+"""The drives: a row each, see ``drives.drive``."""
+
+from workbench.arena.drives.drive import Drive
+from workbench.arena.drives.planar import PLANAR
+from workbench.arena.drives.wheels import WHEELS
+from workbench.compiled import chosen
+
+_ROWS: tuple[Drive, ...] = (WHEELS, PLANAR)
+DRIVES = {drive.name: drive for drive in _ROWS}
+NUMBERS = {drive.name: number for number, drive in enumerate(_ROWS)}  # of MOTORS.drive
+read = chosen([drive.read for drive in _ROWS])

@@ -1,0 +1,1 @@
+"""Classical control laws, one file each; ``table`` lists them."""

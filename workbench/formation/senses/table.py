@@ -1,0 +1,58 @@
+"""The sensing modes: a row each, see ``senses.sense``."""
+
+from typing import Any
+
+from workbench.compiled import chosen
+from workbench.formation.senses import camera, infrared, truth
+from workbench.formation.senses.sense import Draw, Sense
+
+_ROWS = (
+    Sense(
+        "truth",
+        "reads the simulator's poses",
+        ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
+        truth.see,
+    ),
+    Sense(
+        "truth-relative",
+        "only distance and bearing of them",
+        ("distance", "bearing", "odometry"),
+        truth.see,
+    ),
+    *camera.MODES,
+    *infrared.MODES,
+)
+SENSES = {row.name: row for row in _ROWS}
+# what each mode tells a follower
+SENSING = {row.name: row.gives for row in _ROWS}
+CAMERA = tuple(row.name for row in camera.MODES)
+INFRARED = tuple(row.name for row in infrared.MODES)
+
+
+def _distinct(parts: Any) -> list[Any]:
+    return list(dict.fromkeys(parts))
+
+
+# fields that modes add to the records of the loop
+ROBOT_PARTS = _distinct(part for row in _ROWS for part in row.robot)
+TASK_PARTS = _distinct(part for row in _ROWS for part in row.task)
+DRAWS: list[Draw] = []
+for _draw in (draw for row in _ROWS for draw in row.draws):
+    if _draw not in DRAWS:
+        DRAWS.append(_draw)
+
+_COLUMNS = {
+    column: _distinct(getattr(row, column) for row in _ROWS)
+    for column in ("locate", "see", "tiled", "errors")
+}
+NUMBERS = [(column, "i8") for column in _COLUMNS]  # fields of TASK.sense
+locate = chosen(_COLUMNS["locate"])
+see = chosen(_COLUMNS["see"])
+tiled = chosen(_COLUMNS["tiled"])
+errors = chosen(_COLUMNS["errors"])
+
+
+def numbers(sensing: str) -> dict[str, int]:
+    """Return the fields of TASK.sense: which compiled functions a mode has."""
+    row = SENSES[sensing]
+    return {column: found.index(getattr(row, column)) for column, found in _COLUMNS.items()}
