@@ -192,12 +192,14 @@ def test_an_episode_begins_with_an_empty_memory():
     robot = _Driven(PathReconstruction())
     for _ in range(30):
         robot.act(0.16, 0.0)
-    assert robot.follower["law"]["crumbs"][0] == 30 and robot.follower["law"]["integral"][0] > 0
+    assert (
+        robot.follower["law"]["way"]["count"][0] == 30 and robot.follower["law"]["integral"][0] > 0
+    )
     robot.act(0.3, 0.0)
     assert robot.step["event"][0] & LOSS and robot.step["phase"][0] != FOLLOW
     robot.act(0.16, 0.0)
     assert robot.step["event"][0] & RECOVERED
-    assert robot.follower["law"]["crumbs"][0] == 1 and robot.follower["law"]["integral"][
+    assert robot.follower["law"]["way"]["count"][0] == 1 and robot.follower["law"]["integral"][
         0
     ] == pytest.approx(0.001)
 
@@ -211,7 +213,7 @@ def test_breadcrumbs_lie_where_the_predecessor_was():
         left, right = robot.act(0.2 - x, 0.0)
         assert left == right
         x += twist(10_000 / (10_000 // left), 10_000 / (10_000 // right))[0] * 0.1
-    trail = robot.follower["law"]["trail"][0][:12]
+    trail = robot.follower["law"]["way"]["trail"][0][:12]
     np.testing.assert_allclose(trail, np.tile([0.2, 0.0], (12, 1)), atol=1e-9)
 
 

@@ -14,6 +14,7 @@ from workbench.formation.body import BodyConfig
 from workbench.formation.reward import OWN, PRESETS
 from workbench.formation.senses.table import SENSES
 from workbench.learning.config import LearnerConfig
+from workbench.learning.rules import RULES
 from workbench.learning.tiles import TileGrid, Tiling, offset_grids
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -187,9 +188,9 @@ class ConvoyConfig:
 
     def _check_time(self) -> None:
         """Refuse what does not go together in time: whose weights, delays, time steps."""
-        if self.learner.rule == "true-online-sarsa" and self.weights == "shared":
+        if RULES[self.learner.rule].remembers and self.weights == "shared":
             raise ValueError(
-                "ConvoyConfig.weights = 'shared' with learner.rule = 'true-online-sarsa'; "
+                f"ConvoyConfig.weights = 'shared' with learner.rule = {self.learner.rule!r}; "
                 "what this rule remembers of its last "
                 "update is wrong once others have written to its table: expected weights = "
                 "'own' or 'first'"

@@ -33,10 +33,8 @@ from workbench.learning.kernel import (
     Signal,
     StepSizes,
     clear_trace,
-    gq_update,
 )
-from workbench.learning.rules import EXPECTED, GREEDY_ONLY, ON_POLICY, SAMPLED
-from workbench.learning.sarsa import sarsa_update
+from workbench.learning.rules import EXPECTED, GREEDY_ONLY, ON_POLICY, SAMPLED, update
 from workbench.learning.tiles import tile_index
 
 MAX_TILES = 64  # per dimension, of states and of actions
@@ -65,7 +63,7 @@ LEARNER = np.dtype(
     [
         ("target", "i8"),  # of ``learning.rules``
         ("ratio", "i8"),
-        ("true_online", "i8"),
+        ("update", "i8"),
         ("alpha", "f8"),
         ("beta", "f8"),
         ("gamma", "f8"),
@@ -193,31 +191,19 @@ def _update(task: Any, follower: Any, memory: Any, gamma: float, count: int) -> 
     sizes = StepSizes(
         task.learner.alpha, task.learner.beta, task.learner.cutoff, task.learner.kappa
     )
-    w_e = 0.0
-    if task.learner.true_online:
-        learning.trace, learning.delta, learning.previous_value = sarsa_update(
-            learner,
-            learning.trace,
-            phi,
-            bar,
-            follower.waiting.reward,
-            learning.decay,
-            gamma,
-            learning.previous_value,
-            sizes,
-        )
-    else:
-        learning.trace, learning.delta, w_e = gq_update(
-            learner,
-            learning.trace,
-            phi,
-            bar,
-            Signal(follower.waiting.reward, 0.0, 1.0, follower.waiting.rho),
-            learning.decay,
-            gamma,
-            task.learner.lam,
-            sizes,
-        )
+    learning.trace, learning.delta, learning.previous_value, w_e = update(
+        task.learner.update,
+        learner,
+        learning.trace,
+        phi,
+        bar,
+        Signal(follower.waiting.reward, 0.0, 1.0, follower.waiting.rho),
+        learning.decay,
+        gamma,
+        task.learner.lam,
+        learning.previous_value,
+        sizes,
+    )
     return math.isfinite(learning.delta) and math.isfinite(w_e)
 
 

@@ -17,7 +17,7 @@ from workbench.formation.reward import OWN, PRESETS, terminal_reward, worst_step
 from workbench.formation.senses.infrared import sensor_fields
 from workbench.formation.senses.table import SENSES, numbers
 from workbench.learning.behaviour import SCHEDULES
-from workbench.learning.rules import RULES
+from workbench.learning.rules import RULES, UPDATES
 from workbench.robot.description import EPUCK
 
 
@@ -47,6 +47,12 @@ def fill_task(
             "moving": SENSES[config.sensing].moving or law is not None,
         },
     }
+    # numbers that a record and the configuration call the same
+    for part in TASK.names or ():
+        source = getattr(config, part, config)
+        for name in TASK[part].names or ():
+            if isinstance(getattr(source, name, None), (bool, int, float)):
+                task[part][name] = getattr(source, name)
     for part, values in (*parts.items(), *SENSES[config.sensing].fill(config).items()):
         for name, value in values.items():
             task[part][name] = value
@@ -83,8 +89,6 @@ def _parts(config: ConvoyConfig) -> dict[str, dict[str, Any]]:
         },
         "body": {
             "any": not config.body.nominal,
-            "slip": config.body.slip,
-            "delay": config.body.delay,
             "silence": config.body.missed,
         },
     }
@@ -124,17 +128,12 @@ def _learner(config: ConvoyConfig, steps: int) -> dict[str, Any]:
     return {
         "target": rule.target,
         "ratio": rule.ratio,
-        "true_online": rule.true_online,
+        "update": UPDATES.index(rule.update),
         "kappa": rule.kappa,
         "alpha": learner.alpha / config.tilings,
         "beta": learner.beta / config.tilings,
-        "gamma": learner.gamma,
-        "lam": learner.lam,
         "cutoff": learner.trace_cutoff,
-        "buffer": learner.buffer,
         "schedule": SCHEDULES.index(learner.epsilon_schedule),
-        "epsilon": learner.epsilon,
-        "epsilon_final": learner.epsilon_final,
         "epsilon_horizon": max(1.0, learner.epsilon_fraction * steps),
     }
 

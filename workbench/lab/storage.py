@@ -12,13 +12,15 @@ import os
 import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from workbench.lab.locks import FILE as LOCK
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _TEMPORARY = (
     ".tmp"  # the end of a temporary name; before it stand the file's name and who writes it
@@ -55,12 +57,12 @@ def write_bytes(path: Path, content: bytes) -> None:
     _write(path, lambda file: file.write(content))
 
 
-def write_table(path: Path, table: pd.DataFrame, digits: int) -> None:
+def write_table(path: Path, table: "pd.DataFrame", digits: int) -> None:
     """Write a table as CSV with numbers of so many digits."""
     write_bytes(path, table_bytes(table, digits))
 
 
-def table_bytes(table: pd.DataFrame, digits: int) -> bytes:
+def table_bytes(table: "pd.DataFrame", digits: int) -> bytes:
     """Return a table as CSV with numbers of so many digits."""
     text: str = table.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\n")
     return text.encode()

@@ -12,10 +12,58 @@ QRC(λ): Ghiassian et al., ICML 2020. A rule more is a row more, and a function 
 update of its own.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from workbench.compiled import chosen, compiled
+from workbench.learning.kernel import gq_update
+from workbench.learning.sarsa import sarsa_update
 
 GREEDY, EXPECTED, SAMPLED = range(3)  # targets: whose value the next state has
 IMPORTANCE, GREEDY_ONLY, ON_POLICY = range(3)  # ratios ρ of the action that was taken
+
+
+@compiled
+def gq_step(
+    learner: Any,
+    n: int,
+    phi: Any,
+    bar: Any,
+    signal: Any,
+    decay: float,
+    gamma: float,
+    lam: float,
+    memory: float,
+    sizes: Any,
+) -> tuple[int, float, float, float]:
+    """Learn a transition as ``kernel.gq_update`` does; its arguments, and the number that the last
+    call handed on.
+
+    Returns:
+        (n, δ_t, memory, w·e_t): the trace's new length, the temporal-difference error, what the
+        next call is handed, and the correction's factor.
+    """
+    n, delta, w_e = gq_update(learner, n, phi, bar, signal, decay, gamma, lam, sizes)
+    return n, delta, memory, w_e
+
+
+@compiled
+def sarsa_step(
+    learner: Any,
+    n: int,
+    phi: Any,
+    bar: Any,
+    signal: Any,
+    decay: float,
+    gamma: float,
+    lam: float,
+    memory: float,
+    sizes: Any,
+) -> tuple[int, float, float, float]:
+    """Learn a transition as ``sarsa.sarsa_update`` does; see ``gq_step``."""
+    n, delta, memory = sarsa_update(
+        learner, n, phi, bar, signal.reward, decay, gamma, memory, sizes
+    )
+    return n, delta, memory, 0.0
 
 
 class Rule(NamedTuple):
@@ -26,14 +74,16 @@ class Rule(NamedTuple):
         ratio: IMPORTANCE (1/b or 0), GREEDY_ONLY (1 or 0) or ON_POLICY (1).
         corrected: whether it has a gradient correction with secondary weights.
         kappa: regularisation of these weights.
-        true_online: whether the update is that of ``learning.sarsa`` instead of the kernel's.
+        update: the compiled function that learns a transition, see ``gq_step``.
+        remembers: whether the update hands a number on to its next call.
     """
 
     target: int
     ratio: int
     corrected: bool
     kappa: float = 0.0
-    true_online: bool = False
+    update: Any = gq_step
+    remembers: bool = False
 
 
 RULES = {
@@ -41,5 +91,10 @@ RULES = {
     "watkins-q": Rule(GREEDY, GREEDY_ONLY, corrected=False),
     "expected-sarsa": Rule(EXPECTED, ON_POLICY, corrected=False),
     "qrc": Rule(GREEDY, IMPORTANCE, corrected=True, kappa=1.0),
-    "true-online-sarsa": Rule(SAMPLED, IMPORTANCE, corrected=False, true_online=True),
+    "true-online-sarsa": Rule(
+        SAMPLED, IMPORTANCE, corrected=False, update=sarsa_step, remembers=True
+    ),
 }
+
+UPDATES = list(dict.fromkeys(rule.update for rule in RULES.values()))
+update = chosen(UPDATES)
