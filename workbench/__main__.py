@@ -7,16 +7,16 @@ The last line of every verb is one JSON object.
 import importlib
 import json
 import os
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import click
 
+from workbench.robot import ends
 from workbench.robot.faults import RobotError
 
 Result = dict[str, Any]
@@ -320,14 +320,20 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one verb; return the exit code: 0; 1 for what --check found, or where nobody reads on; 2
     for bad input; 130 if interrupted.
     """
-    given = sys.argv[1:] if arguments is None else arguments
+    ends.hold()  # from here on no signal is lost, whatever is being imported or compiled
+    try:
+        return _run(sys.argv[1:] if arguments is None else arguments)
+    finally:
+        ends.release()
+
+
+def _run(given: list[str]) -> int:
     for stream in (sys.stdout, sys.stderr):  # what a terminal cannot show is replaced, not refused
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     begun = time.perf_counter()
     try:
-        with _told_to_end():
-            result = verbs.main(given, prog_name="python -m workbench", standalone_mode=False)
+        result = verbs.main(given, prog_name="python -m workbench", standalone_mode=False)
         if not isinstance(result, dict):  # help was asked for
             return int(result or 0)
         code: int = result.pop("code", 0)
@@ -352,18 +358,6 @@ def main(arguments: list[str] | None = None) -> int:
     except (RobotError, *ERRORS) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-
-
-@contextmanager
-def _told_to_end() -> Iterator[None]:
-    """Take being told to end, or the terminal's end, as an interruption: robots are stopped."""
-    ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.signal(number, signal.default_int_handler) for number in ends}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> Any:

@@ -47,11 +47,11 @@ def _is_stop(data, protocol):
 
 
 @pytest.mark.slow
-def test_a_thousand_injected_faults_leave_a_stopped_robot_and_documented_errors_only():
+def test_sixty_faults_on_real_wires_leave_a_stopped_robot_and_documented_errors_only():
     wires = [("epuck1", False), ("overo", True), ("epuck2", False)]
     with ThreadPoolExecutor(len(wires)) as pool:  # mostly waiting
         injected = sum(pool.map(lambda wire: _inject(*wire), wires))
-    assert injected >= 1000
+    assert injected >= 60
 
 
 def _inject(protocol, binary):
@@ -72,7 +72,7 @@ def _inject(protocol, binary):
             emulator.url, period_s=0.0, timeout_s=TIMEOUT, watchdog_s=None, **options
         )
         robot.enable("proximity")
-        for _ in range(150):
+        for _ in range(12):
             if not robot.is_connected():
                 emulator.heal()
                 before = len(emulator.heard)
@@ -111,7 +111,7 @@ def _inject(protocol, binary):
                 time.sleep(0.6)  # until the emulator listens again
         robot.disconnect()
     assert slowest < LONGEST
-    assert raised > 50 and stopped > 10
+    assert raised > 3 and stopped > 0
     return injected
 
 
@@ -235,14 +235,14 @@ def test_nobody_at_the_other_end_is_told_at_once():
 
 
 def _lose_a_byte_of(emulator, times):
-    """Let the robot hear D,,0 instead of D,0,0, so many times."""
+    """Let the robot hear ,0,0 instead of D,0,0, so many times."""
     feed = emulator._firmware.feed
     left = [times]
 
     def lossy(data):
         if left[0] and b"D,0,0" in data:
             left[0] -= 1
-            data = data.replace(b"D,0,0", b"D,,0")
+            data = data.replace(b"D,0,0", b",0,0")
         return feed(data)
 
     emulator._firmware.feed = lossy
@@ -260,7 +260,7 @@ def test_connecting_makes_sure_that_the_robot_stands_even_if_a_byte_of_stop_is_l
 def test_connecting_to_a_robot_that_does_not_stop_is_refused():
     with _emulator("epuck1") as emulator:
         emulator._firmware.feed(b"D,400,400\r")
-        _lose_a_byte_of(emulator, 99)
+        _lose_a_byte_of(emulator, 10**9)
         with pytest.raises(BadReply, match="may still be moving"):
             open_robot(emulator.url, period_s=0.0, timeout_s=TIMEOUT).connect()
 

@@ -15,10 +15,12 @@ the last. A call that comes late is counted (``missed_deadlines``, ``worst_laten
 new period. A program that learns does so between ``set_motors_speed`` and ``step``, while the
 command runs.
 
-A robot never runs away. It is stopped when a connection opens, when a ``with`` block ends, for
-whatever reason, on a faulty reply, and by a watchdog when a moving robot has heard nothing for
-``watchdog_s``. Where the link is lost nothing can stop it: the error says so, and stop is the first
-thing sent when it is connected again.
+A robot never runs away. It is stopped when a connection opens, when a ``with`` block or the program
+ends, for whatever reason (``robot.ends``), on a faulty reply, and by a watchdog when a moving robot
+has heard nothing for ``watchdog_s``. A stop counts when the robot's own speeds are zero
+(``robot.guard``). Where the link is lost nothing can stop it: the error says so, and stop is the
+first thing sent when it is connected again. A program that is killed (SIGKILL) stops nothing; the
+``guardian`` does (``robot.guardian``).
 
 Units: speeds in motor steps/s, positions in motor steps (counted on beyond the wire's 16 bits),
 readings in counts. Sensor order: see ``robot.infrared``; ground sensors left, centre, right.
@@ -30,7 +32,6 @@ others.
 
 import math
 import threading
-import time
 import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -38,6 +39,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from workbench import fields
+from workbench.robot import ends, guard
+from workbench.robot.clock import CLOCK, Clock
 from workbench.robot.faults import (
     BadReply,
     LinkLost,
@@ -47,8 +50,8 @@ from workbench.robot.faults import (
     RobotError,
 )
 from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS
+from workbench.robot.guard import MAY_MOVE, Watchdog
 from workbench.robot.vocabulary import Words
-from workbench.robot.watchdog import Watchdog
 
 SENSORS = (
     "proximity",
@@ -62,9 +65,9 @@ SENSORS = (
     "microphone",
 )
 WRAP = 1 << 16
-MAY_MOVE = "the robot may still be moving; stop is the first thing sent on reconnect"
 # s by which a period may begin late before that counts: what a busy computer's timer is off
 OVERSLEPT_S = 0.005
+PATIENCE_S = 0.5  # s that a call waits for replies, asked for twice; then the guard has STOP_S
 WATCHDOG_S = 0.5  # s without a word from the program after which a moving robot is stopped
 
 
@@ -75,6 +78,7 @@ class Robot(Words):
         period_s: wall-clock seconds between two steps, 0 for as fast as it goes.
         watchdog_s: seconds after which the watchdog stops a moving robot, None for no watchdog.
         debug: print every exchange.
+        clock: the time that it goes by.
 
     Attributes:
         capabilities: words of SENSORS, and what else it can: drive, calibrate, led, observe, …
@@ -91,6 +95,7 @@ class Robot(Words):
         period_s: float = CONTROL_PERIOD,
         watchdog_s: float | None = WATCHDOG_S,
         debug: bool = False,
+        clock: Clock = CLOCK,
     ) -> None:
         if not 0 <= period_s <= 10:
             raise ValueError(f"period_s = {period_s!r}; expected 0 to 10 s")
@@ -103,6 +108,7 @@ class Robot(Words):
         self.period_s = period_s
         self.watchdog_s = watchdog_s
         self.debug = debug
+        self.clock = clock
         self.missed_deadlines = 0
         self.worst_latency_s = 0.0
         self.watchdog_stops = 0
@@ -115,14 +121,15 @@ class Robot(Words):
         self._stamp = 0.0
         self._heard = 0.0
         self._lock = threading.RLock()
-        self._watchdog = Watchdog(self._stop_silent, None if watchdog_s is None else watchdog_s / 5)
+        every_s = None if watchdog_s is None else watchdog_s / 5
+        self._watchdog = Watchdog(self._stop_silent, every_s, clock)
         self._counted: tuple[int, int] | None = None  # motor positions without wrapping
 
     # what a back-end provides
 
     @abstractmethod
     def _open(self) -> None:
-        """Open the link and stop the robot, before anything else is sent."""
+        """Open the link; the guard stops the robot before anything else is sent."""
 
     @abstractmethod
     def _close(self) -> None:
@@ -136,6 +143,20 @@ class Robot(Words):
     def _drive(self, left: int, right: int) -> None:
         """Send wheel speeds."""
 
+    def _end_request(self) -> None:  # noqa: B027  (optional)
+        """End what the robot's parser may be in the middle of; wait for nothing."""
+
+    def _send_stop(self) -> None:
+        """End what the parser may be in the middle of and send stop; wait for nothing."""
+        self._drive(0, 0)
+
+    def _stands(self) -> bool:
+        """Return whether the robot's own speeds are zero."""
+        return True
+
+    def _limit(self, until: float) -> None:  # noqa: B027  (optional)
+        """Let no reply be waited for beyond a moment of the clock."""
+
     def _pass_time(self) -> None:  # noqa: B027  (optional)
         """Let a control period pass that is not wall-clock time."""
 
@@ -146,33 +167,39 @@ class Robot(Words):
         with self._lock:
             if not self._connected:
                 self._open()
+                try:
+                    self._halt()
+                except RobotError as error:
+                    self._lost()
+                    error.add_note(MAY_MOVE)
+                    raise
                 self._connected = True
+                ends.add(self)
                 self._speed = (0, 0)
                 self._last_step = None
                 self._counted = None
                 self._first = None
                 self._read = {}
-                self._heard = time.monotonic()
+                self._heard = self.clock.now()
         return True
 
     def disconnect(self) -> None:
         """Stop the robot and close the link. Does nothing if there is none."""
-        self._watchdog.end()
-        with self._lock:
-            if self._connected:
-                try:
-                    if "drive" in self.capabilities:
+        with ends.undisturbed():
+            with self._lock:
+                if self._connected:
+                    try:
                         self._halt()
-                except RobotError as error:
-                    warnings.warn(
-                        f"stop could not be sent on closing: {error}; the robot may still be "
-                        "moving",
-                        stacklevel=2,
-                    )
-                finally:
-                    self._connected = False
-                    self._speed = (0, 0)
-                    self._close()
+                    except RobotError as error:
+                        warnings.warn(
+                            f"stop was not confirmed on closing: {error}; the robot may still be "
+                            "moving",
+                            stacklevel=2,
+                        )
+                    finally:
+                        self._lost()
+            self._watchdog.end()
+            ends.settle()
 
     def close(self) -> None:
         """Same as ``disconnect``."""
@@ -223,27 +250,27 @@ class Robot(Words):
             LinkLost: the link is gone; the robot may still be moving.
         """
         self._require()
-        now = time.monotonic()
+        now = self.clock.now()
         if self._last_step is None:
             self._last_step = now
         else:
             due = self._last_step + self.period_s
             overrun = now > due + 1e-4
             if now < due:
-                time.sleep(due - now)
-                now = time.monotonic()
+                self.clock.sleep(due - now)
+                now = self.clock.now()
             if self.period_s and (overrun or now > due + OVERSLEPT_S):
                 self.missed_deadlines += 1
                 self.worst_latency_s = max(self.worst_latency_s, now - due)
                 due = now
             self._pass_time()
-            self._last_step = due if self.period_s else time.monotonic()
-        self._heard = time.monotonic()
+            self._last_step = due if self.period_s else self.clock.now()
+        self._heard = self.clock.now()
         with self._lock:
             self._first = self._heard if self._first is None else self._first
             self._stamp = self._heard
             self._read |= self._guarded(self._enabled)
-        self._heard = time.monotonic()
+        self._heard = self.clock.now()
         return True
 
     @property
@@ -265,12 +292,31 @@ class Robot(Words):
         wanted = {"left": left, "right": right}
         pair = [fields.whole(name, value, -most, most, "steps/s") for name, value in wanted.items()]
         self._require("drive")
-        self._heard = time.monotonic()
+        if any(pair):
+            ends.look()
+        self._heard = self.clock.now()
         with self._lock:
             self._speed = (pair[0], pair[1])
-            self._protected(lambda: self._drive(*self._speed))
+            self._guarded_twice(lambda: self._drive(*self._speed))
         if any(self._speed):
             self._watchdog.start()
+
+    def stop(self) -> None:
+        """Stop both wheels, and make sure that they stand.
+
+        Raises:
+            LinkTimeout, BadReply, LinkLost: it could not be confirmed; the robot may be moving.
+        """
+        self._require("drive")
+        self._heard = self.clock.now()
+        with self._lock:
+            self._speed = (0, 0)
+            try:
+                self._halt()
+            except RobotError as error:
+                self._lost()
+                error.add_note(MAY_MOVE)
+                raise
 
     @property
     def commanded(self) -> tuple[int, int]:
@@ -335,7 +381,7 @@ class Robot(Words):
                 self._counted = None
                 if device in self._read:
                     self._read[device] = tuple(float(value) for value in values)
-        self._heard = time.monotonic()
+        self._heard = self.clock.now()
 
     def _check_sensor(self, sensor: str) -> None:
         able = [name for name in SENSORS if name in self.capabilities]
@@ -375,28 +421,40 @@ class Robot(Words):
         """Read, once more if the first reply was no good; stop the robot if the second was not
         either.
         """
-        try:
-            found = self._exchange(sensors)
-        except (LinkTimeout, BadReply):
-            found = self._protected(lambda: self._exchange(sensors))
-        except LinkLost as error:
-            self._lost()
-            error.add_note(MAY_MOVE)
-            raise
+        found: dict[str, tuple[float, ...]] = self._guarded_twice(lambda: self._exchange(sensors))
         if "motor_position" in found:
             found["motor_position"] = self._count_on(found["motor_position"])
         return found
 
-    def _protected(self, operation: Any) -> Any:
-        """Run an exchange; on a fault send stop where the channel is alive."""
+    def _guarded_twice(self, operation: Any) -> Any:
+        """Run an exchange, once more if the first reply was no good; stop the robot if the second
+        was not either.
+        """
+        self._limit(self.clock.now() + PATIENCE_S)
+        try:
+            return operation()
+        except (LinkTimeout, BadReply):
+            return self._protected(lambda: self._once_more(operation), again=True)
+        except LinkLost as error:
+            self._lost()
+            error.add_note(MAY_MOVE)
+            raise
+
+    def _once_more(self, operation: Any) -> Any:
+        self._end_request()
+        return operation()
+
+    def _protected(self, operation: Any, *, again: bool = False) -> Any:
+        """Run an exchange; on a fault stop the robot where the channel is alive."""
+        if not again:
+            self._limit(self.clock.now() + PATIENCE_S)
         try:
             return operation()
         except (LinkTimeout, BadReply) as error:
             self._speed = (0, 0)
             try:
-                if "drive" in self.capabilities:
-                    self._halt()
-                error.add_note("stop has been sent")
+                self._halt()
+                error.add_note("stop has been sent, and the robot stands")
             except RobotError as second:
                 sent = (
                     "was not confirmed"
@@ -412,16 +470,15 @@ class Robot(Words):
             raise
 
     def _halt(self) -> None:
-        """Send stop, once more where the reply says that it was not understood."""
-        try:
-            self._drive(0, 0)
-        except BadReply:
-            self._drive(0, 0)
+        """Stop the robot and make sure of it."""
+        if "drive" in self.capabilities:
+            guard.stop(self, self.clock)
 
     def _lost(self) -> None:
         self._connected = False
         self._speed = (0, 0)
         self._close()
+        ends.remove(self)
 
     def _count_on(self, wire: tuple[float, ...]) -> tuple[float, ...]:
         left, right = (int(value) for value in wire)
@@ -447,11 +504,15 @@ class Robot(Words):
                 return
             self.watchdog_stops += 1
             self._speed = (0, 0)
+            quiet = f"the program said nothing for {self.watchdog_s:g} s"
+            said = f"{quiet}: the watchdog stopped the robot"
             try:
                 self._halt()
-            except RobotError:
+            except RobotError as error:
+                said = f"the watchdog could not stop the robot: {error}; {MAY_MOVE}"
                 self._lost()
+            guard.tell(said)
 
     def _silent(self) -> bool:
         assert self.watchdog_s is not None
-        return any(self._speed) and time.monotonic() - self._heard > self.watchdog_s
+        return any(self._speed) and self.clock.now() - self._heard > self.watchdog_s

@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
 from workbench.robot.faults import BadReply
-from workbench.robot.wire.epuck2 import SENSOR_BYTES, command, parse_sensors
+from workbench.robot.wire.epuck2 import SENSOR_BYTES, command, lights_of, parse_sensors
 from workbench.robot.wire.firmware import EPuck2Firmware, SerComFirmware
 from workbench.robot.wire.sercom import (
     VARIANTS,
@@ -95,7 +95,7 @@ def test_no_bytes_break_a_firmware_and_a_zero_and_a_line_wake_it(body, chunks):
         for chunk in chunks:
             firmware.feed(chunk)
         firmware.feed(
-            bytes(8) + b"\r"
+            bytes(64) + b"\r"
         )  # ends whatever operands a chain still waits for, and the chain
         assert firmware.feed(b"D,0,0\rE\r").endswith(b"e,0,0\r\n")
     packets = EPuck2Firmware(body)
@@ -132,13 +132,18 @@ def test_the_firmware_clamps_echoes_and_wraps(body):
     body.set_motor_position(40000, -40000)
     assert firmware.feed(b"Q\r") == b"q,-25536,25536\r\n"
     firmware.feed(b"P,0,0\r")
-    assert firmware.feed(b"X\r") == firmware.feed(b"D,1\r") == b"z,Command not found\r\n"
+    assert firmware.feed(b"X\r") == b"z,Command not found\r\n"
+    # what is missing is 0, what follows is ignored: half a line is a command
+    for line, speeds in ((b"D,1\r", "1,0"), (b"D\r", "0,0"), (b"D,300,-300D,0,0\r", "300,-300")):
+        assert firmware.feed(line) == b"d\r\n"
+        assert firmware.feed(b"E\r") == f"e,{speeds}\r\n".encode()
     assert firmware.feed(b"R\r").endswith(b'type "H" for help\r\n')
 
 
 def test_requests_are_the_bytes_that_the_firmware_documents():
     assert ascii_request("N") == b"N\r"
     assert binary_request(("N",)) == bytes([256 - ord("N"), 0])
-    assert command(1, -2, sensors=True, calibrate=True, position=True, leds=3)[:8] == struct.pack(
-        "<BBBhhB", 0x80, 2, 5, 1, -2, 3
-    )
+    lights = lights_of([1, 1, 1, 0, 0, 0, 0, 0, 1, 0])  # LED1 to LED8, body, front
+    packet = command(1, -2, sensors=True, calibrate=True, position=True, lights=lights)
+    assert packet[:8] == struct.pack("<BBBhhB", 0x80, 2, 5, 1, -2, 0b010011)
+    assert packet[8:20] == bytes([100] * 3 + [0] * 9) and len(packet) == 21

@@ -3,21 +3,22 @@
     with SerComRobot("/dev/rfcomm0") as robot: ...
     with SerComRobot("/dev/ttyS0", variant="overo", binary=True) as robot: ...
 
-Whatever state the parser was left in, connecting ends it: 0x00 leaves binary mode, then comes stop.
-What came too late for an earlier request is dropped. On the Overo the ground sensors are on a bus
-of Linux and not here.
+Whatever state the parser was left in, every stop ends it first: zeros complete the longest operand
+list and leave binary mode, a return ends half a line. What came too late for an earlier request is
+dropped. Speeds count as told when the robot's own echo of them says so. On the Overo the ground
+sensors are on a bus of Linux and not here.
 
-Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (4 s)
-and reset (2 s).
+Contract: see ``robot.api``. No request waits longer than the link's time-out, but calibration (up
+to 4 s).
 """
 
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
-from workbench.robot.api import MAY_MOVE, WATCHDOG_S, Robot
-from workbench.robot.faults import BadReply, LinkTimeout, RobotError
+from workbench.robot.api import WATCHDOG_S, Robot
+from workbench.robot.clock import CLOCK, Clock
+from workbench.robot.faults import BadReply, LinkTimeout
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.wire.links import SerialLink
+from workbench.robot.wire.links import Link, SerialLink
 from workbench.robot.wire.sercom import (
     READS,
     VARIANTS,
@@ -29,8 +30,10 @@ from workbench.robot.wire.sercom import (
 )
 
 CALIBRATION_S = 4.0
-RESET_S = 2.0
+RESET_S = 0.9
 QUIET_S = 0.05
+# more zeros than any command waits for operands end a binary chain, a return ends a line
+ENDS_ALL = bytes(64) + b"\r"
 
 
 class SerComRobot(Robot):
@@ -43,9 +46,11 @@ class SerComRobot(Robot):
         binary: use the binary protocol for sensors and speeds.
         baud: default: the variant's.
         timeout_s: for one reply.
-        period_s, watchdog_s: see Robot.
+        period_s, watchdog_s, clock: see Robot.
+        link: opens another link than a serial port, for tests.
     """
 
+    calibration_s = CALIBRATION_S
     most_counts = 2**15 - 1
 
     def __init__(
@@ -59,8 +64,10 @@ class SerComRobot(Robot):
         timeout_s: float = 0.25,
         period_s: float = CONTROL_PERIOD,
         watchdog_s: float | None = WATCHDOG_S,
+        clock: Clock = CLOCK,
+        link: Callable[[], Link] | None = None,
     ) -> None:
-        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug)
+        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug, clock=clock)
         if variant not in VARIANTS:
             raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
         self.address = address
@@ -81,30 +88,27 @@ class SerComRobot(Robot):
         able |= {"floor"} if self.variant.floor_ascii else set()
         able |= {"body_led", "front_led"} if self.variant.lights else set()
         self.capabilities = frozenset(able)
-        self._link: SerialLink | None = None
+        self._link: Link | None = None
+        self._connect = link or self._open_port
 
     def _open(self) -> None:
-        self._link = SerialLink(self.address, self.baud, timeout_s=self.timeout_s)
-        try:
-            for start in (
-                b"\x00",
-                b"\r",
-                b"\r",
-            ):  # again after a line that was noise while the port opened, or lost a byte
-                self._link.write(start + ascii_request("D", 0, 0))
-                try:
-                    told = self._ask("E", counts=(2,))
-                except (LinkTimeout, BadReply) as error:
-                    fault: RobotError = error
-                    continue
-                if told == (0, 0):
-                    break
-                fault = BadReply(f"speeds (0, 0) were sent, {told} came back: {MAY_MOVE}")
-            else:
-                raise fault
-        except RobotError:
-            self._close()
-            raise
+        self._link = self._connect()
+
+    def _open_port(self) -> Link:
+        return SerialLink(self.address, self.baud, timeout_s=self.timeout_s, clock=self.clock)
+
+    def _send_stop(self) -> None:
+        self._channel().write(ENDS_ALL + ascii_request("D", 0, 0))
+
+    def _end_request(self) -> None:
+        self._channel().write(ENDS_ALL)
+
+    def _stands(self) -> bool:
+        return self._ask("E", counts=(2,)) == (0, 0)
+
+    def _limit(self, until: float) -> None:
+        if self._link is not None:
+            self._link.until = until
 
     def _close(self) -> None:
         if self._link is not None:
@@ -121,12 +125,12 @@ class SerComRobot(Robot):
             pass  # quiet, or a half line
         link.drain()
 
-    def _channel(self) -> SerialLink:
+    def _channel(self) -> Link:
         if self._link is None:
             raise LinkTimeout("the serial port is closed")
         return self._link
 
-    def _say(self, data: bytes) -> SerialLink:
+    def _say(self, data: bytes) -> Link:
         link = self._channel()
         link.drain()
         if self.debug:
@@ -139,15 +143,15 @@ class SerComRobot(Robot):
         line = self._read_reply(link, letter.lower(), self.timeout_s)
         return ascii_numbers(line, letter.lower(), counts)
 
-    def _read_reply(self, link: SerialLink, letter: str, timeout_s: float) -> bytes:
+    def _read_reply(self, link: Link, letter: str, timeout_s: float) -> bytes:
         """Return the line that begins with a letter; lines before it answer requests that were
         given up.
         """
-        deadline = time.monotonic() + timeout_s
+        deadline = self.clock.now() + timeout_s
         other = None
         while True:
             try:
-                line = link.read_line(max(0.0, deadline - time.monotonic()))
+                line = link.read_line(max(0.0, deadline - self.clock.now()))
             except LinkTimeout:
                 if other is None:
                     raise
@@ -159,16 +163,15 @@ class SerComRobot(Robot):
             other = line
 
     def _drive(self, left: int, right: int) -> None:
-        if (
-            self.binary
-        ):  # D has no reply of its own: the echo of E behind it confirms that it was heard
-            told = binary_numbers(
-                self._say(binary_request(("D", left, right), ("E",))).read(4), "h"
-            )
-            if told != (left, right):
-                raise BadReply(f"speeds {(left, right)} were sent, {told} came back")
+        # the echo of E behind it confirms that it was heard, and heard right
+        if self.binary:
+            link = self._say(binary_request(("D", left, right), ("E",)))
+            told = binary_numbers(link.read(4), "h")
         else:
-            self._ask("D", left, right, counts=(0,))
+            link = self._say(ascii_request("D", left, right) + ascii_request("E"))
+            told = ascii_numbers(self._read_reply(link, "e", self.timeout_s), "e", (2,))
+        if told != (left, right):
+            raise BadReply(f"speeds {(left, right)} were sent, {told} came back")
 
     def _count(self, sensor: str, *, binary: bool) -> tuple[int, ...]:
         if sensor in ("proximity", "light"):
@@ -228,9 +231,10 @@ class SerComRobot(Robot):
         elif device == "front_led":
             self._ask("F", *values, counts=(0,))
         else:
+            self._limit(self.clock.now() + self.timeout_s + CALIBRATION_S)
             link = self._say(ascii_request("K"))
-            for _ in range(2):  # it has started; it has finished
-                self._read_reply(link, "k", CALIBRATION_S)
+            for patience in (self.timeout_s, CALIBRATION_S):  # it has started; it has finished
+                self._read_reply(link, "k", patience)
 
     def _version(self) -> str:
         with self._lock:
@@ -238,8 +242,10 @@ class SerComRobot(Robot):
 
     def _reset(self) -> None:
         self._drive(0, 0)
+        until = self.clock.now() + RESET_S
+        self._limit(until)
         link = self._say(ascii_request("R"))
-        while b"WELCOME" not in link.read_line(RESET_S):
+        while b"WELCOME" not in link.read_line(until - self.clock.now()):
             pass
         self._settle()
 

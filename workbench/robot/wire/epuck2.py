@@ -1,7 +1,10 @@
 """A real e-puck2 over WiFi: 21 bytes of commands, 1 + 104 bytes of sensors, on TCP port 1000.
 
-Offsets: GCtronic's e-puck2 firmware and its clients. Every packet that asks for sensors also
-carries the wheel speeds, so that a read never leaves them behind. The motors do up to 1100 steps/s.
+Offsets: GCtronic's e-puck2 firmware and its clients. Once asked, the robot sends sensor packets at
+about 45 Hz, header and payload apart: what comes in is read as a stream of frames, and the newest
+one that came after the request counts. Every packet that asks for sensors also carries the wheel
+speeds, so that a read never leaves them behind. The motors do up to 1100 steps/s. A stop is
+confirmed by step counters that stay where they are.
 
 >>> len(command(300, -300, sensors=True)), command(300, -300, sensors=True)[:7].hex()
 (21, '8002002c01d4fe')
@@ -10,12 +13,13 @@ Contract: see ``robot.api``.
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from workbench.robot.api import WATCHDOG_S, Robot
-from workbench.robot.faults import BadReply, LinkTimeout, RobotError
+from workbench.robot.clock import CLOCK, Clock
+from workbench.robot.faults import BadReply, LinkTimeout
 from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS_EPUCK2
-from workbench.robot.wire.links import TcpLink
+from workbench.robot.wire.links import Link, TcpLink
 from workbench.robot.wire.sercom import check_counts
 
 COMMAND = 0x80
@@ -25,7 +29,14 @@ IMAGE_PACKET = 0x01
 COMMAND_BYTES = 21
 SENSOR_BYTES = 104
 IMAGE_BYTES = 38400
+SIZES = {SENSORS_PACKET: SENSOR_BYTES, EMPTY_PACKET: 0, IMAGE_PACKET: IMAGE_BYTES}
 SOUND_STOP = 0x20
+CALIBRATION_S = 3.0  # one second deaf, one more without packets
+ASK_AGAIN_S = 0.1
+STILL_S = 0.05  # between two readings of the step counters that must not differ
+RESYNCHRONISE_S = 0.1
+RGB_ON = 100
+ENDS_ALL = bytes(COMMAND_BYTES)  # zeros complete half a packet, and begin none
 PLACES = {  # sensor: offset in the sensor bytes, struct code
     "accelerometer": (0, "<3h"),
     "proximity": (37, "<8H"),
@@ -45,21 +56,30 @@ def command(
     sensors: bool,
     calibrate: bool = False,
     position: bool = False,
-    leds: int = 0,
+    lights: bytes = bytes(13),
 ) -> bytes:
-    """Return a command packet: speeds in steps/s, or with ``position`` the step counters; leds: a
-    bit for each light.
+    """Return a command packet: speeds in steps/s, or with ``position`` the step counters.
+
+    Args:
+        lights: a byte of bits for LED1, LED3, LED5, LED7, body and front, then red, green and blue
+            of LED2, LED4, LED6 and LED8.
     """
     head = struct.pack(
-        "<BBBhhB",
+        "<BBBhh",
         COMMAND,
         0b10 if sensors else 0,
         (1 if calibrate else 0) | (4 if position else 0),
         left,
         right,
-        leds,
     )
-    return head + bytes(12) + bytes([SOUND_STOP])
+    return head + lights + bytes([SOUND_STOP])
+
+
+def lights_of(leds: Sequence[int]) -> bytes:
+    """Return the thirteen bytes of lights: LED1 to LED8, body and front, each 0 or 1."""
+    bits = sum(bool(leds[led]) << k for k, led in enumerate((0, 2, 4, 6, 8, 9)))
+    colours = [RGB_ON if leds[led] else 0 for led in (1, 3, 5, 7) for _ in range(3)]
+    return bytes([bits, *colours])
 
 
 def parse_sensors(data: bytes) -> dict[str, tuple[float, ...]]:
@@ -87,10 +107,19 @@ class EPuck2Robot(Robot):
         address: host or host:port.
         debug: print every exchange.
         timeout_s: for one reply.
-        period_s, watchdog_s: see Robot.
+        period_s, watchdog_s, clock: see Robot.
+        link: opens another link than a socket, for tests.
     """
 
-    capabilities = frozenset(PLACES) | {"motor_speed", "drive", "calibrate", "led"}
+    capabilities = frozenset(PLACES) | {
+        "motor_speed",
+        "drive",
+        "calibrate",
+        "led",
+        "body_led",
+        "front_led",
+    }
+    calibration_s = CALIBRATION_S
     most_steps = MAX_STEPS_EPUCK2
     most_counts = 2**15 - 1
 
@@ -102,72 +131,143 @@ class EPuck2Robot(Robot):
         timeout_s: float = 0.25,
         period_s: float = CONTROL_PERIOD,
         watchdog_s: float | None = WATCHDOG_S,
+        clock: Clock = CLOCK,
+        link: Callable[[], Link] | None = None,
     ) -> None:
-        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug)
+        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug, clock=clock)
         host, _, port = address.partition(":")
         if not host or (port and not port.isdigit()) or int(port or 1000) > 65535:
             raise ValueError(f"address = {address!r}; expected HOST or HOST:PORT")
         self.host = host
         self.port = int(port or 1000)
         self.timeout_s = timeout_s
-        self._link: TcpLink | None = None
-        self._leds = 0
+        self._link: Link | None = None
+        self._connect = link or self._open_socket
+        self._leds = [0] * 10  # LED1 to LED8, body, front
 
     def _open(self) -> None:
-        self._link = TcpLink(self.host, self.port, timeout_s=self.timeout_s)
-        try:
-            self._converse(command(0, 0, sensors=False))
-        except RobotError:
-            self._close()
-            raise
+        self._link = self._connect()
+
+    def _open_socket(self) -> Link:
+        return TcpLink(self.host, self.port, timeout_s=self.timeout_s, clock=self.clock)
 
     def _close(self) -> None:
         if self._link is not None:
             self._link.close()
             self._link = None
 
-    def _converse(self, packet: bytes, timeout_s: float | None = None) -> bytes:
-        """Send a packet and return the reply's bytes after the header."""
+    def _limit(self, until: float) -> None:
+        if self._link is not None:
+            self._link.until = until
+
+    def _channel(self) -> Link:
         if self._link is None:
             raise LinkTimeout("the connection is closed")
-        self._link.drain()
-        self._link.write(packet)
-        head = self._link.read(1, timeout_s)[0]
-        sizes = {SENSORS_PACKET: SENSOR_BYTES, EMPTY_PACKET: 0, IMAGE_PACKET: IMAGE_BYTES}
-        if head not in sizes:
-            raise BadReply(f"expected a packet that begins with {sorted(sizes)}, got {head}")
-        data = self._link.read(sizes[head], timeout_s)
+        return self._link
+
+    def _packet(self, left: int, right: int, *, sensors: bool, **kinds: bool) -> bytes:
+        return command(left, right, sensors=sensors, lights=lights_of(self._leds), **kinds)
+
+    def _send_stop(self) -> None:
+        self._channel().write(ENDS_ALL + self._packet(0, 0, sensors=True))
+
+    def _end_request(self) -> None:
+        self._channel().write(ENDS_ALL)
+
+    def _stands(self) -> bool:
+        before = self._steps()
+        self.clock.sleep(STILL_S)
+        return self._steps() == before
+
+    def _steps(self) -> tuple[float, ...]:
+        return parse_sensors(self._converse(self._packet(0, 0, sensors=True)))["motor_position"]
+
+    def _converse(self, packet: bytes) -> bytes:
+        """Send a packet and return the payload of the newest frame that ends after it: of a sensor
+        packet if it asked for sensors, of any frame otherwise.
+        """
+        link = self._channel()
+        self._forget()
+        link.write(packet)
+        asked = packet[1] & 0b10
+        head, data = self._frame(link)
+        while asked and head != SENSORS_PACKET:
+            head, data = self._frame(link)
         if self.debug:
             print("→", packet.hex(), "←", head, len(data))
         return data
 
+    def _frame(self, link: Link) -> tuple[int, bytes]:
+        """Return the next frame: its first byte and its payload."""
+        head = link.read(1)[0]
+        if head not in SIZES:
+            self._resynchronise(link)
+            raise BadReply(f"expected a packet that begins with {sorted(SIZES)}, got {head}")
+        return head, link.read(SIZES[head])
+
+    def _forget(self) -> None:
+        """Drop the whole frames that have come in; keep one that is on its way."""
+        link = self._channel()
+        waiting = link.arrived()
+        while waiting:
+            if waiting[0] not in SIZES:
+                self._resynchronise(link)
+                return
+            size = 1 + SIZES[waiting[0]]
+            if len(waiting) < size:
+                return
+            del waiting[:size]
+
+    def _resynchronise(self, link: Link) -> None:
+        """Drop what came in, up to the pause between two packets."""
+        until = min(link.until, self.clock.now() + RESYNCHRONISE_S)
+        while self.clock.now() < until:
+            link.arrived().clear()
+            self.clock.sleep(0.005)
+            if not link.arrived():
+                return
+
     def _drive(self, left: int, right: int) -> None:
-        self._converse(command(left, right, sensors=False, leds=self._leds))
+        self._converse(self._packet(left, right, sensors=False))
 
     def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
         if not sensors:
             return {}
-        found = parse_sensors(self._converse(command(*self._speed, sensors=True, leds=self._leds)))
+        found = parse_sensors(self._converse(self._packet(*self._speed, sensors=True)))
         found["motor_speed"] = (float(self._speed[0]), float(self._speed[1]))
         return {sensor: found[sensor] for sensor in sensors}
 
     def _set_device(self, device: str, values: tuple[int, ...]) -> None:
         if device == "motor_position":
-            self._converse(command(*values, sensors=False, position=True, leds=self._leds))
+            self._converse(self._packet(*values, sensors=False, position=True))
             self._drive(*self._speed)
-        elif device == "led":
-            led, value = values
-            bits = 1 << led if 0 <= led < 8 else 0xFF
-            self._leds = (
-                self._leds ^ bits
-                if value == 2
-                else (self._leds | bits if value else self._leds & ~bits)
-            )
-            self._drive(*self._speed)
+        elif device == "calibrate":
+            self._calibrate()
         else:
-            self._converse(
-                command(*self._speed, sensors=False, calibrate=True, leds=self._leds), 4.0
-            )
+            *which, value = values
+            place = {"body_led": 8, "front_led": 9}.get(device, which[0] if which else 0)
+            for led in [place] if 0 <= place < len(self._leds) else range(8):
+                self._leds[led] = 1 - self._leds[led] if value == 2 else int(bool(value))
+            self._drive(*self._speed)
+
+    def _calibrate(self) -> None:
+        """Calibrate, and wait for the first sensor packet afterwards: it is deaf meanwhile."""
+        until = self.clock.now() + CALIBRATION_S
+        link = self._channel()
+        self._limit(until)
+        self._converse(self._packet(*self._speed, sensors=False, calibrate=True))
+        while True:
+            self.clock.sleep(ASK_AGAIN_S)
+            self._forget()
+            link.write(self._packet(*self._speed, sensors=True))
+            try:
+                self._limit(min(until, self.clock.now() + ASK_AGAIN_S))
+                while self._frame(link)[0] != SENSORS_PACKET:
+                    pass
+                return
+            except (LinkTimeout, BadReply):
+                if self.clock.now() >= until:
+                    raise
 
     def _version(self) -> str:
         return f"e-puck2 at {self.host}:{self.port}"

@@ -17,6 +17,7 @@ Contract: no threads, no clocks; ``lockstep`` lets a control period pass wheneve
 second time, otherwise whoever owns the body lets time pass. A firmware never raises on bytes.
 """
 
+import re
 import struct
 from typing import Protocol
 
@@ -40,7 +41,7 @@ CALIBRATING = (
     b"k, Starting calibration - Remove any object in sensors range\r\n",
     b"k, Calibration finished\r\n",
 )
-_OPERANDS = {"D": 4, "P": 4, "L": 2}  # bytes after a binary command; all others have none
+_OPERANDS = {"D": 4, "P": 4, "L": 2, "w": 35}  # bytes after a binary command; others have none
 _LINE = 64  # bytes of the receiving ring
 
 
@@ -194,18 +195,15 @@ class SerComFirmware:
 
     def _run_line(self, line: bytes) -> bytes:
         text = line.decode("ascii", "replace").strip()
-        letter, *fields = text.split(",")
+        letter = text[:1]
         if letter.upper() not in ("B", "G"):
             letter = letter.upper()
-        try:
-            numbers = [int(field) for field in fields]
-        except ValueError:
-            numbers = []
-        if letter == "D" and len(numbers) == 2:
-            self._speed = self._body.drive(*numbers)
+        numbers = _scan(text[1:])
+        if letter == "D":  # what is missing is 0, what follows two numbers is ignored
+            self._speed = self._body.drive(*(numbers + [0, 0])[:2])
             return b"d\r\n"
-        if letter == "P" and len(numbers) == 2:
-            self._body.robot.set_motor_position(*numbers)
+        if letter == "P":
+            self._body.robot.set_motor_position(*map(_wrap16, (numbers + [0, 0])[:2]))
             return b"p\r\n"
         if letter in ("L", "B", "F"):
             return self._light(letter, numbers)
@@ -225,19 +223,17 @@ class SerComFirmware:
             return f"{letter.lower()},{values[0]}\r\n".encode()
         if letter == "M" and not self.variant.floor_ascii:
             return b""
-        reading = self._numbers(letter, self.variant.floor_ascii) if not numbers else None
+        reading = self._numbers(letter, self.variant.floor_ascii) if len(text) == 1 else None
         if reading is None:
             return b"z,Command not found\r\n"
         return (",".join([letter.lower(), *map(str, reading)]) + "\r\n").encode()
 
     def _light(self, letter: str, numbers: list[int]) -> bytes:
         robot = self._body.robot
-        if letter == "L" and len(numbers) == 2:
-            robot.set_led(*numbers)
+        if letter == "L":
+            robot.set_led(*(numbers + [0, 0])[:2])
             return b"l\r\n"
-        if letter == "L" or len(numbers) != 1 or not self.variant.lights:
-            return b"z,Command not found\r\n"
-        (robot.set_body_led if letter == "B" else robot.set_front_led)(numbers[0])
+        (robot.set_body_led if letter == "B" else robot.set_front_led)((numbers + [0])[0])
         return f"{letter.lower()}\r\n".encode()
 
 
@@ -272,7 +268,7 @@ class EPuck2Firmware:
             out += self._answer(packet)
 
     def _answer(self, packet: bytes) -> bytes:
-        _, request, settings, left, right, leds = struct.unpack_from("<BBBhhB", packet)
+        _, request, settings, left, right, bits = struct.unpack_from("<BBBhhB", packet)
         robot = self._body.robot
         if settings & 1:
             robot.calibrate_proximity_sensors()
@@ -280,8 +276,11 @@ class EPuck2Firmware:
             robot.set_motor_position(left, right)
         else:
             self._body.drive(left, right)
-        for led in range(8):
-            robot.set_led(led, leds >> led & 1)
+        for k in range(4):  # LED1, 3, 5, 7 are bits; LED2, 4, 6, 8 have colours
+            robot.set_led(2 * k, bits >> k & 1)
+            robot.set_led(2 * k + 1, int(any(packet[8 + 3 * k : 11 + 3 * k])))
+        robot.set_body_led(bits >> 4 & 1)
+        robot.set_front_led(bits >> 5 & 1)
         if not request & 0b10:
             return bytes([EMPTY_PACKET])
         data = bytearray(SENSOR_BYTES)
@@ -296,6 +295,15 @@ class EPuck2Firmware:
                 values = [_wrap16(value) for value in values]
             struct.pack_into(code, data, place, *values)
         return bytes([SENSORS_PACKET]) + bytes(data)
+
+
+def _scan(text: str) -> list[int]:
+    """Return the whole numbers of ",1,-2…" up to the first thing that is none, as sscanf does."""
+    numbers = []
+    while found := re.match(r",\s*([+-]?\d{1,9})", text):
+        numbers.append(int(found[1]))
+        text = text[found.end() :]
+    return numbers
 
 
 def _wrap16(value: int) -> int:

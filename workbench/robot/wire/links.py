@@ -5,13 +5,14 @@ come in time, LinkLost when the link is gone. Writing raises LinkTimeout when th
 nothing. No call blocks longer than its time-out.
 """
 
+import math
 import select
 import socket
-import time
 from abc import ABC, abstractmethod
 
 import serial
 
+from workbench.robot.clock import CLOCK, Clock
 from workbench.robot.faults import BadReply, LinkLost, LinkTimeout
 
 LONGEST_LINE = 4096  # bytes
@@ -22,10 +23,16 @@ class Link(ABC):
 
     Args:
         timeout_s: for one reply, and for one write.
+        clock: the time that it goes by.
+
+    Attributes:
+        until: moment of the clock beyond which no reply is waited for.
     """
 
-    def __init__(self, timeout_s: float) -> None:
+    def __init__(self, timeout_s: float, clock: Clock = CLOCK) -> None:
         self.timeout_s = timeout_s
+        self.clock = clock
+        self.until = math.inf
         self._buffer = bytearray()
 
     @abstractmethod
@@ -62,6 +69,15 @@ class Link(ABC):
         self._buffer[:] = rest
         return line.rstrip(b"\r")
 
+    def arrived(self) -> bytearray:
+        """Return what has come in and nobody has read, to take from."""
+        for _ in range(64):
+            more = self._receive(0.0)
+            if not more:
+                break
+            self._buffer += more
+        return self._buffer
+
     def drain(self) -> None:
         """Forget all that has come in, such as a reply that came too late."""
         self._buffer.clear()
@@ -73,12 +89,13 @@ class Link(ABC):
         )
 
     def _fill(self, enough: object, timeout_s: float | None, wanted: str) -> None:
-        deadline = time.monotonic() + (self.timeout_s if timeout_s is None else timeout_s)
+        begun = self.clock.now()
+        deadline = min(begun + (self.timeout_s if timeout_s is None else timeout_s), self.until)
         while not enough():  # type: ignore[operator]  # a function without arguments
-            left = deadline - time.monotonic()
+            left = deadline - self.clock.now()
             if left <= 0:
                 raise LinkTimeout(
-                    f"expected {wanted} within {timeout_s or self.timeout_s:g} s, got "
+                    f"expected {wanted} within {max(0.0, deadline - begun):.3g} s, got "
                     f"{bytes(self._buffer[:40])!r}"
                 )
             self._buffer += self._receive(left)
@@ -93,8 +110,10 @@ class SerialLink(Link):
         timeout_s: see Link.
     """
 
-    def __init__(self, port: str, baud: int, *, timeout_s: float = 0.25) -> None:
-        super().__init__(timeout_s)
+    def __init__(
+        self, port: str, baud: int, *, timeout_s: float = 0.25, clock: Clock = CLOCK
+    ) -> None:
+        super().__init__(timeout_s, clock)
         try:
             self._port = serial.Serial(
                 port, baud, timeout=0, write_timeout=timeout_s, exclusive=True
@@ -134,8 +153,10 @@ class TcpLink(Link):
         timeout_s: see Link.
     """
 
-    def __init__(self, host: str, port: int, *, timeout_s: float = 0.25) -> None:
-        super().__init__(timeout_s)
+    def __init__(
+        self, host: str, port: int, *, timeout_s: float = 0.25, clock: Clock = CLOCK
+    ) -> None:
+        super().__init__(timeout_s, clock)
         try:
             self._socket = socket.create_connection((host, port), timeout=max(timeout_s, 0.8))
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
