@@ -57,6 +57,9 @@ class MemoryLink(Link):
         data, self._pending = self._pending, b""
         return data
 
+    def fileno(self):
+        raise OSError("a wire in memory has no descriptor")
+
     def close(self):
         self._pending = b""
 

@@ -88,6 +88,8 @@ class Robot(Words):
 
     capabilities: frozenset[str] = frozenset()
     most_steps = MAX_STEPS
+    wired = False  # whether a robot that drives on stands behind it, however the program ends
+    calibration_s = 0.0  # how long calibration may take
 
     def __init__(
         self,
@@ -174,7 +176,8 @@ class Robot(Words):
                     error.add_note(MAY_MOVE)
                     raise
                 self._connected = True
-                ends.add(self)
+                if self.wired:
+                    ends.add(self)
                 self._speed = (0, 0)
                 self._last_step = None
                 self._counted = None

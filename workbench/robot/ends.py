@@ -6,17 +6,19 @@
     Ctrl-C while code is compiled                      compilers swallow it: it is noted, and looked
                                                        at before a robot is told to move
 
-Handlers are put in place when the first robot connects, where nobody else has put any, and taken
-away when the last one is gone. SIGKILL and a computer that loses power cannot be caught: see
-``robot.guardian``.
+SIGINT is noted from the moment on when ``open_robot`` is imported; the other handlers are put in
+place when the first robot connects and taken away when the last one is gone; those of others are
+left alone. SIGKILL and a computer that loses power cannot be caught: see ``robot.guardian``.
 
 Contract: handlers are Python's and belong to the main thread; elsewhere only the end of the program
 is looked after.
 """
 
 import atexit
+import math
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -26,6 +28,7 @@ from weakref import WeakSet
 SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
+REMEMBERED_S = 60.0  # s, longer than anything compiles
 _USUAL = (signal.SIG_DFL, signal.default_int_handler)
 
 
@@ -36,7 +39,7 @@ class _Ends:
         robots: that are connected.
         holders: who wants the handlers: robots, and a command line from its first line on.
         before: the handlers that were there.
-        noted: whether a signal came that nobody has acted on for sure.
+        noted: when a signal came that nobody has acted on for sure, in s of ``time.monotonic``.
         stopping: how deep in what stops robots the main thread is; held: a signal came meanwhile.
     """
 
@@ -44,7 +47,7 @@ class _Ends:
         self.robots: WeakSet[Any] = WeakSet()
         self.holders = 0
         self.before: dict[int, Any] = {}
-        self.noted = False
+        self.noted = -math.inf
         self.stopping = 0
         self.held = False
 
@@ -75,9 +78,16 @@ def hold() -> None:
     _now.holders += 1
     if _now.before or not _in_main():
         return
+    note_interrupts()
     for number in SIGNALS:
         if signal.getsignal(number) in _USUAL:
             _now.before[number] = signal.signal(number, _interrupt)
+
+
+def note_interrupts() -> None:
+    """Note from now on when the program is interrupted: importing and compiling swallow it."""
+    if _in_main() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
 
 
 def release() -> None:
@@ -85,7 +95,6 @@ def release() -> None:
     _now.holders = max(0, _now.holders - 1)
     if _now.holders or not _in_main():
         return
-    _now.noted = False
     for number, handler in _now.before.items():
         if signal.getsignal(number) is _interrupt:
             signal.signal(number, handler)
@@ -93,8 +102,8 @@ def release() -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    again = _now.noted
-    _now.noted = True
+    again = _is_noted()
+    _now.noted = time.monotonic()
     if _now.stopping:
         _now.held = True
         return
@@ -117,20 +126,24 @@ def undisturbed() -> Iterator[None]:
         _now.stopping -= 1
         if _now.held and not _now.stopping:
             _now.held = False
-            _now.noted = False
+            settle()
             raise KeyboardInterrupt
 
 
 def look() -> None:
     """Raise KeyboardInterrupt if a signal was swallowed: called before a robot is told to move."""
-    if _now.noted:
-        _now.noted = False
+    if _is_noted():
+        settle()
         raise KeyboardInterrupt
 
 
 def settle() -> None:
     """Forget a signal that has been acted on: the robot was stopped."""
-    _now.noted = False
+    _now.noted = -math.inf
+
+
+def _is_noted() -> bool:
+    return time.monotonic() - _now.noted < REMEMBERED_S
 
 
 @atexit.register

@@ -16,7 +16,10 @@ True
 import importlib
 from typing import Any
 
+from workbench.robot import ends
 from workbench.robot.api import Robot
+
+ends.note_interrupts()  # before whatever else is imported and compiled
 
 # scheme → class, what stands behind the colon, and options that the scheme stands for
 BACK_ENDS: dict[str, tuple[str, str, dict[str, Any]]] = {

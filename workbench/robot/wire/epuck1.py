@@ -18,6 +18,7 @@ from workbench.robot.api import WATCHDOG_S, Robot
 from workbench.robot.clock import CLOCK, Clock
 from workbench.robot.faults import BadReply, LinkTimeout
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.guardian import GuardedLink
 from workbench.robot.wire.links import Link, SerialLink
 from workbench.robot.wire.sercom import (
     READS,
@@ -29,6 +30,7 @@ from workbench.robot.wire.sercom import (
     check_counts,
 )
 
+ENTRY = "workbench.robot.wire.epuck1:SerComRobot"
 CALIBRATION_S = 4.0
 RESET_S = 0.9
 QUIET_S = 0.05
@@ -47,9 +49,12 @@ class SerComRobot(Robot):
         baud: default: the variant's.
         timeout_s: for one reply.
         period_s, watchdog_s, clock: see Robot.
+        guardian: put a process between program and wire that stops the robot when the program is
+            killed, see ``robot.guardian``.
         link: opens another link than a serial port, for tests.
     """
 
+    wired = True
     calibration_s = CALIBRATION_S
     most_counts = 2**15 - 1
 
@@ -65,6 +70,7 @@ class SerComRobot(Robot):
         period_s: float = CONTROL_PERIOD,
         watchdog_s: float | None = WATCHDOG_S,
         clock: Clock = CLOCK,
+        guardian: bool = False,
         link: Callable[[], Link] | None = None,
     ) -> None:
         super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug, clock=clock)
@@ -89,13 +95,24 @@ class SerComRobot(Robot):
         able |= {"body_led", "front_led"} if self.variant.lights else set()
         self.capabilities = frozenset(able)
         self._link: Link | None = None
-        self._connect = link or self._open_port
+        self._connect = link or (self._open_guarded if guardian else self._open_port)
 
     def _open(self) -> None:
         self._link = self._connect()
 
     def _open_port(self) -> Link:
         return SerialLink(self.address, self.baud, timeout_s=self.timeout_s, clock=self.clock)
+
+    def _open_guarded(self) -> Link:
+        own = {"variant": self.variant.name, "binary": self.binary, "baud": self.baud}
+        return GuardedLink(
+            ENTRY,
+            self.address,
+            own,
+            silence_s=self.watchdog_s,
+            timeout_s=self.timeout_s,
+            clock=self.clock,
+        )
 
     def _send_stop(self) -> None:
         self._channel().write(ENDS_ALL + ascii_request("D", 0, 0))
@@ -232,6 +249,7 @@ class SerComRobot(Robot):
             self._ask("F", *values, counts=(0,))
         else:
             self._limit(self.clock.now() + self.timeout_s + CALIBRATION_S)
+            self._channel().patience(CALIBRATION_S + 1.0)
             link = self._say(ascii_request("K"))
             for patience in (self.timeout_s, CALIBRATION_S):  # it has started; it has finished
                 self._read_reply(link, "k", patience)

@@ -19,6 +19,7 @@ from workbench.robot.api import WATCHDOG_S, Robot
 from workbench.robot.clock import CLOCK, Clock
 from workbench.robot.faults import BadReply, LinkTimeout
 from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS_EPUCK2
+from workbench.robot.guardian import GuardedLink
 from workbench.robot.wire.links import Link, TcpLink
 from workbench.robot.wire.sercom import check_counts
 
@@ -31,6 +32,7 @@ SENSOR_BYTES = 104
 IMAGE_BYTES = 38400
 SIZES = {SENSORS_PACKET: SENSOR_BYTES, EMPTY_PACKET: 0, IMAGE_PACKET: IMAGE_BYTES}
 SOUND_STOP = 0x20
+ENTRY = "workbench.robot.wire.epuck2:EPuck2Robot"
 CALIBRATION_S = 3.0  # one second deaf, one more without packets
 ASK_AGAIN_S = 0.1
 STILL_S = 0.05  # between two readings of the step counters that must not differ
@@ -108,6 +110,8 @@ class EPuck2Robot(Robot):
         debug: print every exchange.
         timeout_s: for one reply.
         period_s, watchdog_s, clock: see Robot.
+        guardian: put a process between program and wire that stops the robot when the program is
+            killed, see ``robot.guardian``.
         link: opens another link than a socket, for tests.
     """
 
@@ -119,6 +123,7 @@ class EPuck2Robot(Robot):
         "body_led",
         "front_led",
     }
+    wired = True
     calibration_s = CALIBRATION_S
     most_steps = MAX_STEPS_EPUCK2
     most_counts = 2**15 - 1
@@ -132,6 +137,7 @@ class EPuck2Robot(Robot):
         period_s: float = CONTROL_PERIOD,
         watchdog_s: float | None = WATCHDOG_S,
         clock: Clock = CLOCK,
+        guardian: bool = False,
         link: Callable[[], Link] | None = None,
     ) -> None:
         super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug, clock=clock)
@@ -142,7 +148,7 @@ class EPuck2Robot(Robot):
         self.port = int(port or 1000)
         self.timeout_s = timeout_s
         self._link: Link | None = None
-        self._connect = link or self._open_socket
+        self._connect = link or (self._open_guarded if guardian else self._open_socket)
         self._leds = [0] * 10  # LED1 to LED8, body, front
 
     def _open(self) -> None:
@@ -150,6 +156,16 @@ class EPuck2Robot(Robot):
 
     def _open_socket(self) -> Link:
         return TcpLink(self.host, self.port, timeout_s=self.timeout_s, clock=self.clock)
+
+    def _open_guarded(self) -> Link:
+        return GuardedLink(
+            ENTRY,
+            f"{self.host}:{self.port}",
+            {},
+            silence_s=self.watchdog_s,
+            timeout_s=self.timeout_s,
+            clock=self.clock,
+        )
 
     def _close(self) -> None:
         if self._link is not None:

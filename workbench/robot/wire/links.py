@@ -47,6 +47,13 @@ class Link(ABC):
     def close(self) -> None:
         """Close the channel; never raises."""
 
+    @abstractmethod
+    def fileno(self) -> int:
+        """Return the descriptor of the channel, for ``select``."""
+
+    def patience(self, seconds: float) -> None:  # noqa: B027  (only a guardian needs it)
+        """Announce that nothing will be said for so long."""
+
     def read(self, count: int, timeout_s: float | None = None) -> bytes:
         """Return exactly ``count`` bytes."""
         self._fill(lambda: len(self._buffer) >= count, timeout_s, f"{count} bytes")
@@ -138,6 +145,9 @@ class SerialLink(Link):
         except (serial.SerialException, OSError, TypeError, ValueError) as error:
             raise LinkLost(f"the serial port is gone: {error}") from error
 
+    def fileno(self) -> int:
+        return int(self._port.fileno())
+
     def close(self) -> None:
         try:
             self._port.close()
@@ -174,16 +184,24 @@ class TcpLink(Link):
             raise LinkLost(f"the connection is gone: {error}") from error
 
     def _receive(self, timeout_s: float) -> bytes:
+        return self.receive_from(self._socket, timeout_s)
+
+    @staticmethod
+    def receive_from(channel: socket.socket, timeout_s: float) -> bytes:
+        """Return what comes over a socket within some time."""
         try:
-            ready, _, _ = select.select([self._socket], [], [], timeout_s)
+            ready, _, _ = select.select([channel], [], [], timeout_s)
             if not ready:
                 return b""
-            data = self._socket.recv(65536)
+            data = channel.recv(65536)
         except (OSError, ValueError) as error:
             raise LinkLost(f"the connection is gone: {error}") from error
         if not data:
             raise LinkLost("the robot closed the connection")
         return data
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
 
     def close(self) -> None:
         try:
