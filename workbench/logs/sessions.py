@@ -1,7 +1,8 @@
 """What the command line does with robots: emulate one, drive one, record one.
 
 Contract: each function runs until its time is over or it is interrupted, and leaves the robot
-stopped and the recording closed.
+stopped and the recording closed. Robots on a wire have a guardian: they are stopped even if this
+program is killed.
 """
 
 import math
@@ -98,7 +99,7 @@ def drive_robot(
     config = replace(fields.from_dict(ConvoyConfig, weights.about["config"]), followers=1)
     options = {"config": config} if url.startswith("sim:") else {}
     with ExitStack() as stack:
-        robot = open_robot(url, **options)
+        robot = open_robot(url, guardian=True, **options)
         _check_senses(robot, config, url)
         stack.enter_context(robot)
         follower = SoloFollower(config, policy, steps=learn)
@@ -187,7 +188,7 @@ def record_robot(
         ValueError: a recording instead of a robot, speeds beyond the motors' limit, no time.
     """
     _check_seconds(seconds)
-    with open_robot(url) as robot:
+    with open_robot(url, guardian=True) as robot:
         if "drive" not in robot.capabilities:
             raise ValueError(
                 f"{url} cannot be driven and is a recording already; copy its .csv and .json "
@@ -229,6 +230,10 @@ def _enable_recorded(robot: Robot) -> None:
 def _calibrate(robot: Robot) -> str:
     if "calibrate" not in robot.capabilities:
         return "none"
+    if robot.calibration_s:
+        print(
+            f"calibrating, for up to {robot.calibration_s:g} s; nothing may stand near", flush=True
+        )
     robot.calibrate_proximity_sensors()
     return "mean of 100 readings before the drive"
 

@@ -35,8 +35,13 @@ BACK_ENDS: dict[str, tuple[str, str, dict[str, Any]]] = {
 }
 
 
-def open_robot(url: str, **options: Any) -> Robot:
+def open_robot(url: str, *, guardian: bool = False, **options: Any) -> Robot:
     """Return the robot behind a URL; ``options`` go to its class.
+
+    Args:
+        guardian: put a small process between this program and the wire, that stops the robot when
+            this program is killed, or says nothing any more; see ``robot.guardian``. A robot
+            without a wire needs none.
 
     Raises:
         ValueError: an unknown scheme, or a URL without an address.
@@ -51,4 +56,6 @@ def open_robot(url: str, **options: Any) -> Robot:
         raise ValueError(f"robot {url!r} has no address; expected {scheme}:ADDRESS")
     module, name = entry.split(":")
     back_end: type[Robot] = getattr(importlib.import_module(module), name)
+    if guardian and back_end.wired:
+        options["guardian"] = True
     return back_end(*([address] if place else []), **(fixed | options))

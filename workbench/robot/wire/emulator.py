@@ -28,12 +28,19 @@ import numpy as np
 
 from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.wire.firmware import EPuck2Firmware, Firmware, SerComFirmware
+from workbench.robot.wire.firmware import (
+    CALIBRATION_S,
+    STREAM_S,
+    EPuck2Firmware,
+    Firmware,
+    SerComFirmware,
+)
 from workbench.robot.wire.sercom import VARIANTS
 
 PROTOCOLS = (*VARIANTS, "epuck2")
 SLOWEST = 1e-3
 FASTEST = 1e3
+HEADER_S = 0.003  # between the first byte of a streamed packet and the rest
 FAULTS = ("silent", "short", "split", "garbage", "late", "hang up", "half open", "mute")
 
 
@@ -194,6 +201,10 @@ class Emulator:
             time.sleep(10 * (len(data) + len(reply)) / self.baud)
         if self.delay_s:
             time.sleep(self.delay_s)
+        return self._spoil(reply)
+
+    def _spoil(self, reply: bytes) -> bytes | None:
+        """Return what the next fault leaves of a reply; None to hang up."""
         if not self._faults or not reply:
             return reply
         kind = self._faults.pop(0)
@@ -281,9 +292,17 @@ class Emulator:
                 self._serve_client(client)
 
     def _serve_client(self, client: socket.socket) -> None:
+        firmware = self._firmware
+        assert isinstance(firmware, EPuck2Firmware)
+        due = 0.0
+        calibrated = firmware.calibrated
         while not self._leave.is_set():
+            if firmware.calibrated != calibrated:  # neither hears nor sends for some time
+                calibrated = firmware.calibrated
+                self._leave.wait(CALIBRATION_S if self.rate else 0.0)
             try:
-                ready, _, _ = select.select([client, self._listener], [], [], 0.05)
+                patience = 0.002 if firmware.streaming else 0.05
+                ready, _, _ = select.select([client, self._listener], [], [], patience)
                 if self._listener in ready and (self._deaf or self._mute):
                     return  # a new client: the old connection is dead
                 data = client.recv(4096) if client in ready else None
@@ -292,9 +311,23 @@ class Emulator:
             if data == b"":
                 return
             reply = self._converse(data) if data else self._overdue()
+            now = time.monotonic()
+            if (
+                reply == b""
+                and firmware.streaming
+                and now >= due
+                and not (self._deaf or self._mute)
+            ):
+                due = now + STREAM_S
+                with self._lock:
+                    packet = firmware.packet()
+                reply = self._spoil(packet)
             if reply is None:
                 return
             try:
-                client.sendall(reply)
+                client.sendall(reply[:1])
+                if len(reply) > 1:  # header and payload come apart
+                    self._leave.wait(HEADER_S if firmware.streaming else 0.0)
+                    client.sendall(reply[1:])
             except OSError:
                 return

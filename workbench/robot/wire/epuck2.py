@@ -260,11 +260,17 @@ class EPuck2Robot(Robot):
         elif device == "calibrate":
             self._calibrate()
         else:
-            *which, value = values
-            place = {"body_led": 8, "front_led": 9}.get(device, which[0] if which else 0)
-            for led in [place] if 0 <= place < len(self._leds) else range(8):
+            for led in self._lights_meant(device, values[0]):
+                value = values[-1]
                 self._leds[led] = 1 - self._leds[led] if value == 2 else int(bool(value))
             self._drive(*self._speed)
+
+    @staticmethod
+    def _lights_meant(device: str, number: int) -> Sequence[int]:
+        """Return the places of a device's lights in ``lights_of``'s list."""
+        if device != "led":
+            return [{"body_led": 8, "front_led": 9}[device]]
+        return [number] if 0 <= number < 8 else range(8)
 
     def _calibrate(self) -> None:
         """Calibrate, and wait for the first sensor packet afterwards: it is deaf meanwhile."""

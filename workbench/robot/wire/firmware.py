@@ -42,6 +42,8 @@ CALIBRATING = (
     b"k, Calibration finished\r\n",
 )
 _OPERANDS = {"D": 4, "P": 4, "L": 2, "w": 35}  # bytes after a binary command; others have none
+STREAM_S = 1 / 45  # s between two sensor packets of an e-puck2
+CALIBRATION_S = 2.0  # s in which it neither hears nor sends afterwards
 _LINE = 64  # bytes of the receiving ring
 
 
@@ -238,19 +240,31 @@ class SerComFirmware:
 
 
 class EPuck2Firmware:
-    """An e-puck2's WiFi packets around a connected robot; arguments as SerComFirmware."""
+    """An e-puck2's WiFi packets around a connected robot; arguments as SerComFirmware.
+
+    In lockstep a request for sensors is answered once. Otherwise it begins a stream, which ends
+    with a request for nothing: whoever owns the firmware sends ``packet`` every STREAM_S.
+
+    Attributes:
+        streaming: whether packets are to be sent.
+        calibrated: how often it was told to calibrate.
+    """
 
     def __init__(self, robot: Robot, *, lockstep: bool = False) -> None:
         self._body = _Body(robot, lockstep)
+        self._lockstep = lockstep
         self._buffer = bytearray()
+        self.streaming = False
+        self.calibrated = 0
 
     def live(self) -> None:
         """Let the body move on for a control period."""
         self._body.live()
 
     def forget(self) -> None:
-        """Drop half a packet."""
+        """Drop half a packet, and end the stream: another client has come."""
         self._buffer.clear()
+        self.streaming = False
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes and return a reply for every whole command packet; bytes that begin none are
@@ -272,6 +286,7 @@ class EPuck2Firmware:
         robot = self._body.robot
         if settings & 1:
             robot.calibrate_proximity_sensors()
+            self.calibrated += 1
         if settings & 4:
             robot.set_motor_position(left, right)
         else:
@@ -281,8 +296,13 @@ class EPuck2Firmware:
             robot.set_led(2 * k + 1, int(any(packet[8 + 3 * k : 11 + 3 * k])))
         robot.set_body_led(bits >> 4 & 1)
         robot.set_front_led(bits >> 5 & 1)
-        if not request & 0b10:
-            return bytes([EMPTY_PACKET])
+        self.streaming = bool(request & 0b10) and not self._lockstep
+        if self.streaming:
+            return b""
+        return self.packet() if request & 0b10 else bytes([EMPTY_PACKET])
+
+    def packet(self) -> bytes:
+        """Return a sensor packet of this moment."""
         data = bytearray(SENSOR_BYTES)
         for sensor, (place, code) in PLACES.items():
             count = struct.calcsize(code) // struct.calcsize("<" + code[-1])
