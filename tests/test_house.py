@@ -2,6 +2,7 @@
 
 import ast
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -95,3 +96,11 @@ def test_nothing_imports_a_study_but_studies():
             continue
         text = path.read_text(encoding="utf-8")
         assert "workbench.studies" not in text, path
+
+
+def test_every_folder_of_the_package_is_installed():
+    project = tomllib.loads((paths.ROOT / "pyproject.toml").read_text())
+    told = set(project["tool"]["setuptools"]["packages"]) - {"workbench.data"}
+    folders = {path.parent for path in sources.PACKAGE.rglob("__init__.py")}
+    root = sources.PACKAGE.parent
+    assert told == {".".join(folder.relative_to(root).parts) for folder in folders}

@@ -6,6 +6,7 @@ The last line of every verb is one JSON object.
 
 import importlib
 import json
+import math
 import os
 import sys
 import time
@@ -291,11 +292,40 @@ def record(robot: str, out: str, **kinds: Any) -> Result:
 
 @verbs.command()
 @click.argument("recording", type=PLACE)
-def check(recording: str) -> Result:
+@click.option("--gap", type=float, default=math.inf, help="Refuse intervals longer than so many s.")
+def check(recording: str, gap: float) -> Result:
     """Check a recording; names the first thing that is wrong by row and column."""
     from workbench.logs.recordings import load_recording
 
-    return load_recording(recording).summary()
+    return load_recording(recording, gap_s=gap).summary()
+
+
+@verbs.command("import")
+@click.argument("file", type=PLACE)
+@_option("--robot", help="Which robot it was, in words.")
+@click.option("--map", "names", multiple=True, metavar="COLUMN=NAME", help="Which column is which.")
+@click.option("--unit", "units", multiple=True, metavar="NAME=UNIT", help="Unit of a column.")
+@click.option("--real", is_flag=True, help="It is of a real robot.")
+@click.option("--no-commands", is_flag=True, help="The log has no commands: zeros are written.")
+@_option("--out", type=PLACE, help="The .csv to write (default: FILE with _recording).")
+def import_log(
+    file: str, names: tuple[str, ...], units: tuple[str, ...], no_commands: bool, **kinds: Any
+) -> Result:
+    """Make a recording of anybody's own log, a CSV of any kind."""
+    from workbench.logs.tables import import_table
+
+    pairs = [dict(_pair(text) for text in texts) for texts in (names, units)]
+    result = import_table(file, names=pairs[0], units=pairs[1], commands=not no_commands, **kinds)
+    for line in result["said"]:
+        click.echo(line)
+    return result
+
+
+def _pair(text: str) -> tuple[str, str]:
+    left, equals, right = text.rpartition("=")
+    if not equals:
+        raise ValueError(f"{text!r}; expected COLUMN=NAME or NAME=UNIT")
+    return left, right
 
 
 @verbs.command()

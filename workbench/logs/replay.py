@@ -5,6 +5,7 @@ raises RecordingEnded. What a follower would do with the readings is up to the c
 refused, the recorded ones are in ``recorded_command``.
 """
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,11 +26,12 @@ class ReplayedRobot(Robot):
     Args:
         path: CSV of a recording.
         debug: print the time of every row.
+        gap_s: longest interval between two rows, where longer ones are to be refused.
     """
 
-    def __init__(self, path: str | Path, debug: bool = False) -> None:
+    def __init__(self, path: str | Path, debug: bool = False, *, gap_s: float = math.inf) -> None:
         super().__init__(period_s=0.0, watchdog_s=None, debug=debug)
-        self.recording = load_recording(path)
+        self.recording = load_recording(path, gap_s=gap_s)
         self.capabilities = frozenset(self.recording.sensors) | {"motor_speed"}
         self._row = -1
 
