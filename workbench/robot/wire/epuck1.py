@@ -13,18 +13,19 @@ to 4 s).
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
-from workbench.robot.api import WATCHDOG_S, Robot
-from workbench.robot.clock import CLOCK, Clock
+from workbench.robot.api import Robot
 from workbench.robot.faults import BadReply, LinkTimeout
-from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.guardian import GuardedLink
 from workbench.robot.wire.links import Link, SerialLink
 from workbench.robot.wire.sercom import (
     READS,
     VARIANTS,
+    Variant,
     ascii_numbers,
     ascii_request,
+    battery,
     binary_numbers,
     binary_request,
     check_counts,
@@ -38,6 +39,15 @@ QUIET_S = 0.05
 ENDS_ALL = bytes(64) + b"\r"
 
 
+def _capabilities(variant: Variant) -> frozenset[str]:
+    able = {"proximity", "light", "motor_speed", "motor_position", "accelerometer", "selector"}
+    able |= {"drive", "calibrate", "led", "raw", "microphone"}
+    able |= {"battery"} if variant.battery else set()
+    able |= {"floor"} if variant.floor_binary else set()
+    able |= {"body_led", "front_led"} if variant.lights else set()
+    return frozenset(able)
+
+
 class SerComRobot(Robot):
     """An e-puck1.
 
@@ -48,9 +58,9 @@ class SerComRobot(Robot):
         binary: use the binary protocol for sensors and speeds.
         baud: default: the variant's.
         timeout_s: for one reply.
-        period_s, watchdog_s, clock: see Robot.
         guardian: put a process between program and wire that stops the robot when the program is
             killed, see ``robot.guardian``.
+        kinds: ``period_s``, ``watchdog_s``, ``clock``, see Robot.
         link: opens another link than a serial port, for tests.
     """
 
@@ -67,13 +77,11 @@ class SerComRobot(Robot):
         binary: bool = False,
         baud: int | None = None,
         timeout_s: float = 0.25,
-        period_s: float = CONTROL_PERIOD,
-        watchdog_s: float | None = WATCHDOG_S,
-        clock: Clock = CLOCK,
         guardian: bool = False,
         link: Callable[[], Link] | None = None,
+        **kinds: Any,
     ) -> None:
-        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug, clock=clock)
+        super().__init__(debug=debug, **kinds)
         if variant not in VARIANTS:
             raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
         self.address = address
@@ -81,19 +89,7 @@ class SerComRobot(Robot):
         self.binary = binary
         self.baud = baud or self.variant.baud
         self.timeout_s = timeout_s
-        able = {
-            "proximity",
-            "light",
-            "motor_speed",
-            "motor_position",
-            "accelerometer",
-            "selector",
-            "battery",
-        }
-        able |= {"drive", "calibrate", "led", "raw", "microphone"}
-        able |= {"floor"} if self.variant.floor_ascii else set()
-        able |= {"body_led", "front_led"} if self.variant.lights else set()
-        self.capabilities = frozenset(able)
+        self.capabilities = _capabilities(self.variant)
         self._link: Link | None = None
         self._connect = link or (self._open_guarded if guardian else self._open_port)
 
@@ -199,7 +195,8 @@ class SerComRobot(Robot):
 
     def _exchange(self, sensors: Sequence[str]) -> dict[str, tuple[float, ...]]:
         found: dict[str, tuple[float, ...]] = {}
-        chained = [sensor for sensor in sensors if sensor in READS] if self.binary else []
+        always = ("floor",) if self.variant.floor_ascii_garbled else ()
+        chained = [s for s in sensors if s in READS and (self.binary or s in always)]
         if chained:
             # the echo of E behind the readings tells replies that have slipped, such as the late
             # half of an earlier one
@@ -228,7 +225,8 @@ class SerComRobot(Robot):
         if sensor == "selector":
             return self._accept(sensor, self._ask("C", counts=(1,)))
         if sensor == "battery":
-            return self._accept(sensor, self._ask("b", counts=(1,)))
+            link = self._say(ascii_request("b"))
+            return (float(battery(self._read_reply(link, "b", self.timeout_s))),)
         return self._accept(sensor, self._ask("U", counts=(3,)))
 
     def _accept(self, sensor: str, values: tuple[int, ...]) -> tuple[float, ...]:

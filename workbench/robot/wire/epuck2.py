@@ -14,11 +14,11 @@ Contract: see ``robot.api``.
 
 import struct
 from collections.abc import Callable, Sequence
+from typing import Any
 
-from workbench.robot.api import WATCHDOG_S, Robot
-from workbench.robot.clock import CLOCK, Clock
+from workbench.robot.api import Robot
 from workbench.robot.faults import BadReply, LinkTimeout
-from workbench.robot.geometry import CONTROL_PERIOD, MAX_STEPS_EPUCK2
+from workbench.robot.geometry import MAX_STEPS_EPUCK2
 from workbench.robot.guardian import GuardedLink
 from workbench.robot.wire.links import Link, TcpLink
 from workbench.robot.wire.sercom import check_counts
@@ -109,9 +109,9 @@ class EPuck2Robot(Robot):
         address: host or host:port.
         debug: print every exchange.
         timeout_s: for one reply.
-        period_s, watchdog_s, clock: see Robot.
         guardian: put a process between program and wire that stops the robot when the program is
             killed, see ``robot.guardian``.
+        kinds: ``period_s``, ``watchdog_s``, ``clock``, see Robot.
         link: opens another link than a socket, for tests.
     """
 
@@ -134,13 +134,11 @@ class EPuck2Robot(Robot):
         debug: bool = False,
         *,
         timeout_s: float = 0.25,
-        period_s: float = CONTROL_PERIOD,
-        watchdog_s: float | None = WATCHDOG_S,
-        clock: Clock = CLOCK,
         guardian: bool = False,
         link: Callable[[], Link] | None = None,
+        **kinds: Any,
     ) -> None:
-        super().__init__(period_s=period_s, watchdog_s=watchdog_s, debug=debug, clock=clock)
+        super().__init__(debug=debug, **kinds)
         host, _, port = address.partition(":")
         if not host or (port and not port.isdigit()) or int(port or 1000) > 65535:
             raise ValueError(f"address = {address!r}; expected HOST or HOST:PORT")

@@ -225,6 +225,9 @@ class SerComFirmware:
             return f"{letter.lower()},{values[0]}\r\n".encode()
         if letter == "M" and not self.variant.floor_ascii:
             return b""
+        if letter == "M" and self.variant.floor_ascii_garbled:
+            floor = self._numbers("M", self.variant.floor_ascii) or []
+            return (",".join(["m", *(str(_garbled(value)) for value in floor)]) + "\r\n").encode()
         reading = self._numbers(letter, self.variant.floor_ascii) if len(text) == 1 else None
         if reading is None:
             return b"z,Command not found\r\n"
@@ -324,6 +327,12 @@ def _scan(text: str) -> list[int]:
         numbers.append(int(found[1]))
         text = text[found.end() :]
     return numbers
+
+
+def _garbled(value: int) -> int:
+    """Return a reading of 16 bits whose low byte was sign-extended before it was joined."""
+    low = value & 0xFF
+    return _wrap16(value | 0xFF00) if low >= 128 else value
 
 
 def _wrap16(value: int) -> int:

@@ -14,6 +14,7 @@ without a checksum. A binary chain without its 0x00 leaves the robot deaf to ASC
 Contract: decoders return numbers in range or raise BadReply with what came; they never guess.
 """
 
+import re
 import struct
 from dataclasses import dataclass
 
@@ -32,6 +33,9 @@ class Variant:
         floor_ascii: values in a reply to M, 0: the firmware stays silent.
         floor_binary: the same for binary M.
         lights: whether the body and the front light are there.
+        battery: whether it tells of its battery; BTcom takes ``b`` for the body light.
+        floor_ascii_garbled: whether bytes from 128 on are sign-extended in the reply to M, so that
+            only the binary one can be read.
     """
 
     name: str
@@ -40,11 +44,15 @@ class Variant:
     floor_ascii: int
     floor_binary: int
     lights: bool
+    battery: bool = True
+    floor_ascii_garbled: bool = False
 
 
 VARIANTS = {
     "epuck1": Variant("epuck1", 115200, 8, 5, 5, True),  # UART1, Bluetooth
-    "epuck1-bt": Variant("epuck1-bt", 115200, 8, 3, 3, True),  # BTcom sends three values
+    "epuck1-bt": Variant(  # BTcom sends three values
+        "epuck1-bt", 115200, 8, 3, 3, True, battery=False, floor_ascii_garbled=True
+    ),
     "overo": Variant(
         "overo", 230400, 10, 0, 0, False
     ),  # selector 10: the I2C bus with the ground sensors belongs to Linux
@@ -87,6 +95,18 @@ def ascii_numbers(line: bytes, letter: str, counts: tuple[int, ...]) -> tuple[in
     if any(not -32768 <= number <= 65535 for number in numbers):
         raise BadReply(f"expected numbers of 16 bits, got {shown!r}")
     return numbers
+
+
+def battery(line: bytes) -> int:
+    """Return the number of a battery's reply: ``b,1`` or, of newer hardware, ``b,1012 (87%)``.
+
+    Raises:
+        BadReply: another reply.
+    """
+    found = re.fullmatch(rb"b,\s*(\d{1,5})(\s*\(\d+\s*%\))?\s*", line)
+    if not found:
+        raise BadReply(f"expected 'b' with a number, got {bytes(line[:60])!r}")
+    return int(found[1])
 
 
 def binary_request(*commands: tuple[str | int, ...]) -> bytes:
