@@ -24,7 +24,7 @@ Result = dict[str, Any]
 
 # what bad input, a full disk or a diverging run raise: one line, no traceback
 ERRORS = (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError)
-ROBOT_VERBS = ("emulate", "drive", "record")
+ROBOT_VERBS = ("emulate", "drive", "record", "hello")
 VALIDATIONS = {
     "drive": "workbench.studies.validation.drives:validate_drive",
     "infrared": "workbench.studies.validation.infrared:validate_infrared",
@@ -298,6 +298,33 @@ def check(recording: str, gap: float) -> Result:
     from workbench.logs.recordings import load_recording
 
     return load_recording(recording, gap_s=gap).summary()
+
+
+@verbs.command()
+def robots() -> Result:
+    """List serial ports, and what answers at each."""
+    from workbench.logs.hello import list_robots
+
+    found = list_robots()
+    for one in found:
+        click.echo(f"{one['url']:28} {one['port']}: {one['answers']}")
+    return {"robots": found}
+
+
+@verbs.command()
+@click.argument("url")
+@click.option("--move", is_flag=True, help="Drive 5 cm and turn by 90°, after a yes.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@_option("--out", type=PLACE, help="Write the report to this .json.")
+def hello(url: str, move: bool, yes: bool, out: str | None) -> Result:
+    """Meet a robot: what it is, its battery, delay and rate, lights, wheels."""
+    from workbench.logs.hello import hello
+
+    if move and not yes:
+        click.confirm(
+            "the robot will drive 5 cm straight on and turn: is the floor free?", abort=True
+        )
+    return hello(url, move=move, out=out)
 
 
 @verbs.command("import")

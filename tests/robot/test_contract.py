@@ -163,10 +163,47 @@ def test_wheels_do_what_they_are_told_and_the_counters_count_it(backend):
 
 
 @every
-@pytest.mark.parametrize("speed", [1001.5, math.nan, math.inf, "300", 5000, True])
+@pytest.mark.parametrize("speed", [math.nan, math.inf, "300", True])
 def test_impossible_speeds_are_refused_and_named(backend, speed):
     with backend, pytest.raises(ValueError, match="left = "):
         backend.set_motors_speed(speed, 0)
+
+
+@every
+def test_other_speeds_are_cut_as_pyepuck_and_the_firmware_do_and_said_once(backend):
+    if "drive" not in backend.capabilities:
+        pytest.skip("a recording cannot be driven")
+    with backend:
+        with pytest.warns(UserWarning, match=r"left = 300.7 was cut to 300 steps/s.*strict=True"):
+            backend.set_motors_speed(300.7, np.float32(-200.2))
+        assert backend.commanded == (300, -200)
+        backend.set_motors_speed(5000, np.int64(-5000))
+        assert backend.commanded == (backend.most_steps, -backend.most_steps)
+        backend.strict = True
+        with pytest.raises(ValueError, match="left = 5000"):
+            backend.set_motors_speed(5000, 0)
+
+
+@every
+def test_words_of_other_clients_are_there_and_a_robot_without_a_camera_says_so(backend):
+    with backend:
+        assert backend.startsim() and backend.version
+        for picture in (backend.get_image, backend.save_image, backend.get_camera_parameters):
+            with pytest.raises(NotSupported, match="'camera'"):
+                picture()
+        with pytest.raises(NotSupported, match="'accelerometer_filter'"):
+            backend.set_accelerometer_filtered(True)
+        if "drive" in backend.capabilities:
+            backend.enable("motor_position")
+            backend.stepsim()
+            begin = backend.get_motor_position()[0]
+            backend.set_motors_speed(300, 300)
+            backend.sleep(0.5)
+            backend.stopsim()
+            assert backend.commanded == (0, 0)
+            backend.stepsim()
+            if not backend.wired:  # simulated time has passed
+                assert backend.get_motor_position()[0] - begin > 100
 
 
 @every

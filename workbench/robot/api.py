@@ -31,6 +31,7 @@ others.
 """
 
 import math
+import numbers
 import threading
 import warnings
 from abc import abstractmethod
@@ -78,6 +79,8 @@ class Robot(Words):
         period_s: wall-clock seconds between two steps, 0 for as fast as it goes.
         watchdog_s: seconds after which the watchdog stops a moving robot, None for no watchdog.
         debug: print every exchange.
+        strict: refuse speeds that are no whole numbers within the motors' limit; otherwise they are
+            cut to such, as pyePuck and the firmware do, with a warning once.
         clock: the time that it goes by.
 
     Attributes:
@@ -97,6 +100,7 @@ class Robot(Words):
         period_s: float = CONTROL_PERIOD,
         watchdog_s: float | None = WATCHDOG_S,
         debug: bool = False,
+        strict: bool = False,
         clock: Clock = CLOCK,
     ) -> None:
         if not 0 <= period_s <= 10:
@@ -110,7 +114,9 @@ class Robot(Words):
         self.period_s = period_s
         self.watchdog_s = watchdog_s
         self.debug = debug
+        self.strict = strict
         self.clock = clock
+        self._warned = False
         self.missed_deadlines = 0
         self.worst_latency_s = 0.0
         self.watchdog_stops = 0
@@ -158,6 +164,9 @@ class Robot(Words):
 
     def _limit(self, until: float) -> None:  # noqa: B027  (optional)
         """Let no reply be waited for beyond a moment of the clock."""
+
+    def _announce(self, seconds: float) -> None:  # noqa: B027  (optional)
+        """Tell a guardian that nothing will be said for so long."""
 
     def _pass_time(self) -> None:  # noqa: B027  (optional)
         """Let a control period pass that is not wall-clock time."""
@@ -286,14 +295,13 @@ class Robot(Words):
     # acting
 
     def set_motors_speed(self, left: int, right: int) -> None:
-        """Set the wheel speeds in whole steps/s, at once.
+        """Set the wheel speeds in steps/s, at once: whole numbers within the motors' limit; others
+        are cut to such with a warning, unless the robot is ``strict``.
 
         Raises:
-            ValueError: not whole, or beyond the motors' limit.
+            ValueError: no finite numbers, or what ``strict`` refuses.
         """
-        most = self.most_steps
-        wanted = {"left": left, "right": right}
-        pair = [fields.whole(name, value, -most, most, "steps/s") for name, value in wanted.items()]
+        pair = [self._whole_speed(name, v) for name, v in (("left", left), ("right", right))]
         self._require("drive")
         if any(pair):
             ends.look()
@@ -303,6 +311,40 @@ class Robot(Words):
             self._guarded_twice(lambda: self._drive(*self._speed))
         if any(self._speed):
             self._watchdog.start()
+
+    def _whole_speed(self, name: str, value: Any) -> int:
+        """Return a speed that the motors can do."""
+        most = self.most_steps
+        try:
+            return fields.whole(name, value, -most, most, "steps/s")
+        except ValueError:
+            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if self.strict or not number or not math.isfinite(value):
+                raise
+        cut = max(-most, min(most, int(float(value))))
+        if not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{name} = {value!r} was cut to {cut} steps/s: motors take whole numbers up to "
+                f"±{most}; strict=True refuses others (said once)",
+                stacklevel=3,
+            )
+        return cut
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass while the robot does what it was told last: simulated time where it is
+        simulated. ``time.sleep`` passes none there, and on a wire the watchdog stops the robot.
+        """
+        self._require()
+        if self.period_s == 0 and not self.wired:
+            for _ in range(round(seconds / CONTROL_PERIOD)):
+                self.step()
+            return
+        self._announce(seconds)
+        until = self.clock.now() + seconds
+        while (left := until - self.clock.now()) > 0:
+            self.clock.sleep(min(left, 0.1))
+            self._heard = self.clock.now()
 
     def stop(self) -> None:
         """Stop both wheels, and make sure that they stand.
@@ -508,7 +550,7 @@ class Robot(Words):
             self.watchdog_stops += 1
             self._speed = (0, 0)
             quiet = f"the program said nothing for {self.watchdog_s:g} s"
-            said = f"{quiet}: the watchdog stopped the robot"
+            said = f"{quiet}: the watchdog stopped the robot (robot.sleep lets it drive on)"
             try:
                 self._halt()
             except RobotError as error:

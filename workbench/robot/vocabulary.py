@@ -65,9 +65,59 @@ class Words(ABC):
         """Return the battery: 1 good, 0 low (e-puck1), raw counts (e-puck2)."""
         return self.reading("battery")
 
+    @abstractmethod
     def stop(self) -> None:
-        """Stop both wheels."""
-        self.set_motors_speed(0, 0)
+        """Stop both wheels, and make sure that they stand."""
+
+    @abstractmethod
+    def step(self) -> bool:
+        """Let one control period pass and read all enabled sensors."""
+
+    @abstractmethod
+    def get_sercom_version(self) -> str:
+        """Return what the robot says it is."""
+
+    @property
+    def version(self) -> str:
+        """What the robot says it is."""
+        return self.get_sercom_version()
+
+    def startsim(self) -> bool:
+        """Return True: a simulation, or a robot, runs once it is connected (ePuckVRep's word)."""
+        return True
+
+    def stepsim(self) -> bool:
+        """Same as ``step`` (ePuckVRep's word)."""
+        return self.step()
+
+    def stopsim(self) -> None:
+        """Same as ``stop`` (ePuckVRep's word)."""
+        self.stop()
+
+    def set_sound(self, sound: int) -> None:
+        """Play one of the robot's sounds, 1 to 5."""
+        self._device("sound", sound)
+
+    def set_accelerometer_filtered(self, filtered: bool = False) -> None:
+        """Choose between raw and filtered acceleration, where a robot has both."""
+        self._device("accelerometer_filter", int(filtered))
+
+    def set_camera_parameters(self, mode: str, width: int, height: int, zoom: int) -> None:
+        """Set what pictures of the robot's own camera are like."""
+        self._device("camera", width, height, zoom)
+
+    def get_camera_parameters(self) -> tuple[float, ...]:
+        """Return what pictures of the robot's own camera are like."""
+        self._device("camera")
+        return ()
+
+    def get_image(self) -> None:
+        """Take a picture with the robot's own camera."""
+        self._device("camera")
+
+    def save_image(self, name: str = "ePuck.jpg") -> None:
+        """Store a picture of the robot's own camera."""
+        self._device("camera")
 
     def set_motor_position(self, left: int, right: int) -> None:
         """Set the wheels' step counters; over a wire they have 16 bits."""

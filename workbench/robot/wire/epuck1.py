@@ -41,7 +41,7 @@ ENDS_ALL = bytes(64) + b"\r"
 
 def _capabilities(variant: Variant) -> frozenset[str]:
     able = {"proximity", "light", "motor_speed", "motor_position", "accelerometer", "selector"}
-    able |= {"drive", "calibrate", "led", "raw", "microphone"}
+    able |= {"drive", "calibrate", "led", "raw", "microphone", "sound"}
     able |= {"battery"} if variant.battery else set()
     able |= {"floor"} if variant.floor_binary else set()
     able |= {"body_led", "front_led"} if variant.lights else set()
@@ -118,6 +118,9 @@ class SerComRobot(Robot):
 
     def _stands(self) -> bool:
         return self._ask("E", counts=(2,)) == (0, 0)
+
+    def _announce(self, seconds: float) -> None:
+        self._channel().patience(seconds)
 
     def _limit(self, until: float) -> None:
         if self._link is not None:
@@ -241,13 +244,15 @@ class SerComRobot(Robot):
             self._ask("P", *values, counts=(0,))
         elif device == "led":
             self._ask("L", *values, counts=(0,))
+        elif device == "sound":
+            self._ask("T", *values, counts=(0,))
         elif device == "body_led":
             self._ask("B", *values, counts=(0,))
         elif device == "front_led":
             self._ask("F", *values, counts=(0,))
         else:
             self._limit(self.clock.now() + self.timeout_s + CALIBRATION_S)
-            self._channel().patience(CALIBRATION_S + 1.0)
+            self._announce(CALIBRATION_S + 1.0)
             link = self._say(ascii_request("K"))
             for patience in (self.timeout_s, CALIBRATION_S):  # it has started; it has finished
                 self._read_reply(link, "k", patience)

@@ -170,6 +170,9 @@ class EPuck2Robot(Robot):
             self._link.close()
             self._link = None
 
+    def _announce(self, seconds: float) -> None:
+        self._channel().patience(seconds)
+
     def _limit(self, until: float) -> None:
         if self._link is not None:
             self._link.until = until
@@ -275,6 +278,7 @@ class EPuck2Robot(Robot):
         until = self.clock.now() + CALIBRATION_S
         link = self._channel()
         self._limit(until)
+        self._announce(CALIBRATION_S)
         self._converse(self._packet(*self._speed, sensors=False, calibrate=True))
         while True:
             self.clock.sleep(ASK_AGAIN_S)

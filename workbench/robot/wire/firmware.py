@@ -207,6 +207,8 @@ class SerComFirmware:
         if letter == "P":
             self._body.robot.set_motor_position(*map(_wrap16, (numbers + [0, 0])[:2]))
             return b"p\r\n"
+        if letter == "T":
+            return b"t\r\n"
         if letter in ("L", "B", "F"):
             return self._light(letter, numbers)
         if letter == "S":
