@@ -223,3 +223,19 @@ def test_a_law_of_ones_own_is_not_stored_and_a_reward_not_forgotten(tmp_path):
     run = wb.learn(CONFIG, steps=1000, reward=_quadratic, progress=False)
     with pytest.raises(ValueError, match=r"reward = 'own' with the function None"):
         wb.learn(run.config, steps=1000, progress=False)
+
+
+def test_an_index_out_of_range_is_refused_with_its_place():
+    table = np.array([-1.0, -2.0, -3.0])
+
+    def past_the_end(u, v):
+        return table[int(3 * abs(u))]  # u = ±1 is one too far
+
+    with pytest.raises(ValueError, match=r"reads beyond the end of an array at u = -1, v = -1"):
+        own_reward(past_the_end)
+
+    def far(distance, bearing):
+        return table[int(100 * distance)] + 3.0, 0.0
+
+    with pytest.raises(ValueError, match=r"law 'far' reads beyond.* at distance = 0.08 m"):
+        wb.follow(wb.OwnLaw(function=far), CONFIG, minutes=1)

@@ -120,10 +120,33 @@ def _guarded(inner: Any, pick: Any) -> Callable[[float, float], float]:
     return value
 
 
+def _check_bounds(function: Callable[..., object], kind: Kind) -> None:
+    """Call a function on its grid with bounds checked: compiled code reads past the end of an array
+    without a word.
+
+    Raises:
+        ValueError: an index out of range, and where.
+    """
+    checked = _fresh(function, {}, boundscheck=True)
+    for x in kind.axes[0].tolist():
+        for y in kind.axes[1].tolist():
+            try:
+                checked(x, y)
+            except IndexError as error:
+                raise ValueError(
+                    f"{kind.name} {name_of(function)!r} reads beyond the end of an array at "
+                    f"{kind.where.format(x, y)} ({error}); expected indices in range for all "
+                    f"{kind.domain}"
+                ) from None
+            except Exception:  # whatever else it raises is found below, as no finite number
+                return
+
+
 def look(function: Callable[..., object], kind: Kind) -> NDArray[np.float64]:
     """Return the values (parts, points, points) of a function on its grid; refuse what is not
     finite or changes.
     """
+    _check_bounds(function, kind)
     calls = last_compiled(function, kind)
     first, second = (
         np.array(
@@ -156,7 +179,7 @@ def values_sha256(values: NDArray[np.float64]) -> str:
     ).hexdigest()
 
 
-def _fresh(function: Any, made: dict[int, Any]) -> Any:
+def _fresh(function: Any, made: dict[int, Any], **options: bool) -> Any:
     """Return a function compiled anew, with all functions that it calls: numba goes on with the
     numbers of the first time.
     """
@@ -170,9 +193,9 @@ def _fresh(function: Any, made: dict[int, Any]) -> Any:
         for name, value in plain.__globals__.items()
         if name in names and _is_function(value)
     }
-    outside = {name: _fresh(value, made) or value for name, value in helpers.items()}
+    outside = {name: _fresh(value, made, **options) or value for name, value in helpers.items()}
     cells = tuple(
-        CellType(_fresh(cell.cell_contents, made) or cell.cell_contents)
+        CellType(_fresh(cell.cell_contents, made, **options) or cell.cell_contents)
         if _is_function(cell.cell_contents)
         else cell
         for cell in plain.__closure__ or ()
@@ -185,9 +208,8 @@ def _fresh(function: Any, made: dict[int, Any]) -> Any:
         cells or None,
     )
     copy.__kwdefaults__ = plain.__kwdefaults__
-    made[id(plain)] = numba.jit(**({"nopython": True} | getattr(function, "targetoptions", {})))(
-        copy
-    )
+    own = {"nopython": True} | getattr(function, "targetoptions", {}) | options
+    made[id(plain)] = numba.jit(**own)(copy)
     return made[id(plain)]
 
 
