@@ -56,8 +56,11 @@ def stop(robot: Stoppable, clock: Clock) -> None:
                 if robot._stands():
                     return
                 fault = BadReply(f"speeds (0, 0) were sent, others came back: {MAY_MOVE}")
-            except (LinkTimeout, BadReply) as error:
+            except BadReply as error:
                 fault = error
+            except LinkTimeout as error:
+                if not isinstance(fault, BadReply):  # which says more than that nothing came
+                    fault = error
             if clock.now() >= until:
                 raise fault
 

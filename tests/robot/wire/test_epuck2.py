@@ -2,60 +2,17 @@
 two seconds after calibrating, lights in bits and colours.
 """
 
-import math
 from dataclasses import replace
 
 import pytest
 
-from tests.robot.wires import MemoryLink, SteppedClock
+from tests.robot.wires import SteppedClock, Stream
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
 from workbench.robot.wire.epuck2 import EPuck2Robot, lights_of
-from workbench.robot.wire.firmware import CALIBRATION_S, STREAM_S, EPuck2Firmware
+from workbench.robot.wire.firmware import CALIBRATION_S, EPuck2Firmware
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
-APART_S = 0.005  # between header and payload
-
-
-class Stream(MemoryLink):
-    """A wire over which packets come by the clock, asked for or not."""
-
-    def __init__(self, firmware, clock):
-        super().__init__(firmware, clock)
-        self._due = 0.0
-        self._rest = (math.inf, b"")
-        self._calibrated = 0
-        self._deaf_until = 0.0
-        self.packets = 0
-
-    def write(self, data):
-        if self.clock.now() < self._deaf_until:
-            return
-        super().write(data)
-        if self.firmware.calibrated != self._calibrated:
-            self._calibrated = self.firmware.calibrated
-            self._deaf_until = self.clock.now() + CALIBRATION_S
-            self._due = max(self._due, self._deaf_until)
-
-    def _receive(self, timeout_s):
-        until = self.clock.now() + timeout_s
-        while not self._pending:
-            at, rest = self._rest
-            following = min(at, self._due if self.firmware.streaming else math.inf)
-            if following > until:
-                self.clock.seconds = max(self.clock.seconds, until)
-                break
-            self.clock.seconds = max(self.clock.seconds, following)
-            if at <= following:
-                self._pending, self._rest = rest, (math.inf, b"")
-            else:
-                packet = self.firmware.packet()
-                self._pending = packet[:1]
-                self._rest = (self.clock.now() + APART_S, packet[1:])
-                self._due = self.clock.now() + STREAM_S
-                self.packets += 1
-        data, self._pending = self._pending, b""
-        return data
 
 
 class Counting:

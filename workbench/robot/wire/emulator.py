@@ -288,6 +288,7 @@ class Emulator:
             assert isinstance(self._firmware, EPuck2Firmware)
             self._firmware.forget()  # half a packet of the client before
             client.settimeout(0.05)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             with client:
                 self._serve_client(client)
 

@@ -186,7 +186,7 @@ class EPuck2Robot(Robot):
         return command(left, right, sensors=sensors, lights=lights_of(self._leds), **kinds)
 
     def _send_stop(self) -> None:
-        self._channel().write(ENDS_ALL + self._packet(0, 0, sensors=True))
+        self._channel().write(ENDS_ALL + self._packet(0, 0, sensors=False))
 
     def _end_request(self) -> None:
         self._channel().write(ENDS_ALL)
@@ -194,7 +194,10 @@ class EPuck2Robot(Robot):
     def _stands(self) -> bool:
         before = self._steps()
         self.clock.sleep(STILL_S)
-        return self._steps() == before
+        # what is streamed needs no command that could be garbled on its way
+        heard = self._streamed()
+        after = parse_sensors(heard)["motor_position"] if heard else self._steps()
+        return after == before
 
     def _steps(self) -> tuple[float, ...]:
         return parse_sensors(self._converse(self._packet(0, 0, sensors=True)))["motor_position"]
@@ -204,7 +207,7 @@ class EPuck2Robot(Robot):
         packet if it asked for sensors, of any frame otherwise.
         """
         link = self._channel()
-        self._forget()
+        self._streamed()
         link.write(packet)
         asked = packet[1] & 0b10
         head, data = self._frame(link)
@@ -222,18 +225,24 @@ class EPuck2Robot(Robot):
             raise BadReply(f"expected a packet that begins with {sorted(SIZES)}, got {head}")
         return head, link.read(SIZES[head])
 
-    def _forget(self) -> None:
-        """Drop the whole frames that have come in; keep one that is on its way."""
+    def _streamed(self) -> bytes:
+        """Drop the whole frames that have come in, keep one that is on its way; return the last
+        sensor packet's payload, b"" if there was none.
+        """
         link = self._channel()
         waiting = link.arrived()
+        newest = b""
         while waiting:
             if waiting[0] not in SIZES:
                 self._resynchronise(link)
-                return
+                return b""
             size = 1 + SIZES[waiting[0]]
             if len(waiting) < size:
-                return
+                break
+            if waiting[0] == SENSORS_PACKET:
+                newest = bytes(waiting[1:size])
             del waiting[:size]
+        return newest
 
     def _resynchronise(self, link: Link) -> None:
         """Drop what came in, up to the pause between two packets."""
@@ -282,7 +291,7 @@ class EPuck2Robot(Robot):
         self._converse(self._packet(*self._speed, sensors=False, calibrate=True))
         while True:
             self.clock.sleep(ASK_AGAIN_S)
-            self._forget()
+            self._streamed()
             link.write(self._packet(*self._speed, sensors=True))
             try:
                 self._limit(min(until, self.clock.now() + ASK_AGAIN_S))

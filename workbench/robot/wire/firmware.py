@@ -42,6 +42,7 @@ CALIBRATING = (
     b"k, Calibration finished\r\n",
 )
 _OPERANDS = {"D": 4, "P": 4, "L": 2, "w": 35}  # bytes after a binary command; others have none
+STOP_PACKETS = 2  # sensor packets that a driver asks for to make sure of a stop
 STREAM_S = 1 / 45  # s between two sensor packets of an e-puck2
 CALIBRATION_S = 2.0  # s in which it neither hears nor sends afterwards
 _LINE = 64  # bytes of the receiving ring
@@ -64,6 +65,7 @@ class _Body:
         self.robot = robot
         self._lockstep = lockstep
         self._seen = set[str]()
+        self.held = False  # whether reading passes no time, in lockstep
         robot.enable(
             "proximity", "light", "floor", "motor_position", "accelerometer", "selector", "battery"
         )
@@ -76,7 +78,7 @@ class _Body:
         if not self._awake:
             self.robot.step()
             self._awake = True
-        if self._lockstep:
+        if self._lockstep and not self.held:
             if name in self._seen:
                 self.robot.step()
                 self._seen.clear()
@@ -247,8 +249,10 @@ class SerComFirmware:
 class EPuck2Firmware:
     """An e-puck2's WiFi packets around a connected robot; arguments as SerComFirmware.
 
-    In lockstep a request for sensors is answered once. Otherwise it begins a stream, which ends
-    with a request for nothing: whoever owns the firmware sends ``packet`` every STREAM_S.
+    In lockstep a request for sensors is answered once, and passes no time where a driver only makes
+    sure: after a stop that began with zeros, and after a calibration. Otherwise it begins a stream,
+    which ends with a request for nothing: whoever owns the firmware sends ``packet`` every
+    STREAM_S.
 
     Attributes:
         streaming: whether packets are to be sent.
@@ -261,6 +265,8 @@ class EPuck2Firmware:
         self._buffer = bytearray()
         self.streaming = False
         self.calibrated = 0
+        self._zeros = 0
+        self._making_sure = 0  # packets that pass no time
 
     def live(self) -> None:
         """Let the body move on for a control period."""
@@ -279,11 +285,15 @@ class EPuck2Firmware:
         out = b""
         while True:
             while self._buffer and self._buffer[0] != COMMAND:
+                self._zeros = 0 if self._buffer[0] else self._zeros + 1
+                if self._zeros == COMMAND_BYTES:
+                    self._making_sure = STOP_PACKETS
                 del self._buffer[0]
             if len(self._buffer) < COMMAND_BYTES:
                 return out
             packet = bytes(self._buffer[:COMMAND_BYTES])
             del self._buffer[:COMMAND_BYTES]
+            self._zeros = 0
             out += self._answer(packet)
 
     def _answer(self, packet: bytes) -> bytes:
@@ -292,6 +302,7 @@ class EPuck2Firmware:
         if settings & 1:
             robot.calibrate_proximity_sensors()
             self.calibrated += 1
+            self._making_sure = 1
         if settings & 4:
             robot.set_motor_position(left, right)
         else:
@@ -308,6 +319,8 @@ class EPuck2Firmware:
 
     def packet(self) -> bytes:
         """Return a sensor packet of this moment."""
+        self._body.held = self._making_sure > 0
+        self._making_sure = max(0, self._making_sure - 1)
         data = bytearray(SENSOR_BYTES)
         for sensor, (place, code) in PLACES.items():
             count = struct.calcsize(code) // struct.calcsize("<" + code[-1])
