@@ -79,6 +79,42 @@ def test_markers_are_found_again_near_where_they_were_expected_and_hidden_ones_a
         assert math.dist(found[2][:2], poses[2][:2]) < 0.5e-3
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda image: image[:-1],
+        lambda image: image.astype(np.float64) / 255,
+        lambda image: image.astype(np.uint16) * 257,
+        lambda image: np.stack([image] * 3, axis=-1),
+    ],
+    ids=["another size", "floats", "16 bits", "colours"],
+)
+def test_pictures_of_another_size_or_kind_are_refused_and_named(change):
+    camera = Camera(CONFIG)
+    image = Frames(camera, None, 1, np.random.default_rng(0)).frame(np.zeros((1, 3)))
+    assert Finder(camera, 1).find(image)
+    with pytest.raises(ValueError, match=r"expected \(.*\) uint8, grey"):
+        Finder(camera, 1).find(change(image))
+
+
+def test_what_is_there_twice_too_large_or_not_square_is_left_out():
+    camera = Camera(CONFIG)
+    frames = Frames(camera, None, 2, np.random.default_rng(0))
+    image = frames.frame(np.array([[-0.3, 0.1, 0.4], [0.3, 0.0, 2.0]]))
+    finder = Finder(camera, 2)
+    assert sorted(finder.find(image)) == [0, 1]
+    x, y = camera.project(np.array([[-0.3, 0.1, 0.0]]))[0].astype(int)
+    patch = image[y - 60 : y + 60, x - 60 : x + 60]
+    twice = image.copy()
+    twice[20:140, 20:140] = patch
+    assert sorted(finder.find(twice)) == [1]
+    for size in ((360, 360), (120, 260)):  # a poster; a marker seen from far aside
+        other = frames.frame(np.array([[0.9, 0.6, 0.4], [0.3, 0.0, 2.0]]), np.array([True, False]))
+        large = cv2.resize(patch, size[::-1])
+        other[20 : 20 + size[0], 20 : 20 + size[1]] = large
+        assert sorted(finder.find(other)) == [1]
+
+
 def test_the_bias_table_is_what_noiseless_corners_would_be_taken_for():
     camera = Camera(CONFIG, np.random.default_rng(3))
     table, view = camera.bias_table()

@@ -20,6 +20,8 @@ from workbench.arena.camera.optics import MARKER_HEIGHT, Camera, dictionary
 
 Picture = NDArray[np.uint8]
 Pose = tuple[float, float, float]
+SQUARE = 1.5  # longest over shortest side of what can be a marker
+SIZE = 1.6  # how much larger or smaller it can be than a marker in the middle of the picture
 WINDOW = 2.2  # marker widths around the expected middle
 
 
@@ -61,20 +63,40 @@ class Finder:
     def find(self, image: Picture, expected: Mapping[int, Pose] | None = None) -> dict[int, Pose]:
         """Return the pose of every robot that is found: x, y in m, heading in rad.
 
+        What is not square, or of another size than a marker on a robot, is none (text, for
+        example); a marker that is there twice tells no pose and is left out.
+
         Args:
-            image: (height, width) uint8.
+            image: (height, width) uint8, of the camera's size.
             expected: poses near which to look first.
+
+        Raises:
+            ValueError: a picture of another size or kind than the camera's.
         """
+        self._check(image)
         found: dict[int, Pose] = {}
         for number, place in (expected or {}).items():
             corners = self._find_near(image, number, place)
             if corners is not None:
                 found[number] = self.camera.pose_of(corners)
         if len(found) < self.robots:
-            for number, corners in self._detect(self._detector, image):
-                if number not in found:
+            seen = list(self._detect(self._detector, image))
+            numbers = [number for number, _ in seen]
+            for number, corners in seen:
+                if number not in found and numbers.count(number) == 1:
                     found[number] = self.camera.pose_of(corners)
         return found
+
+    def _check(self, image: Picture) -> None:
+        config = self.camera.config
+        wanted = (config.height_px, config.width_px)
+        shape = np.shape(image)
+        kind = getattr(image, "dtype", type(image).__name__)
+        if kind != np.uint8 or shape != wanted:
+            raise ValueError(
+                f"a picture of {shape} {kind}; expected {wanted} uint8, grey, as the camera was "
+                "calibrated: convert it, or describe the camera that took it (CameraConfig)"
+            )
 
     def _find_near(self, image: Picture, number: int, place: Pose) -> NDArray[np.float64] | None:
         middle = self.camera.project(np.array([[place[0], place[1], MARKER_HEIGHT]]))[0]
@@ -93,8 +115,15 @@ class Finder:
     ) -> Iterator[tuple[int, NDArray[np.float64]]]:
         corners, numbers, _ = detector.detectMarkers(cv2.GaussianBlur(image, (3, 3), 0))
         for found, number in zip(corners, [] if numbers is None else numbers.ravel(), strict=True):
-            if number < self.robots:
-                yield int(number), found.reshape(4, 2).astype(np.float64)
+            square = found.reshape(4, 2).astype(np.float64)
+            if number < self.robots and self._is_marker(square):
+                yield int(number), square
+
+    def _is_marker(self, corners: NDArray[np.float64]) -> bool:
+        """Return whether four corners are about square, and about as large as a marker."""
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+        large = sides / (2 * self._half / WINDOW)
+        return bool(sides.max() < SQUARE * sides.min() and 1 / SIZE < large.mean() < SIZE)
 
 
 def pictures(folder: str | Path) -> Iterator[tuple[str, Picture]]:
