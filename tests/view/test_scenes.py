@@ -1,4 +1,4 @@
-"""Scenes, the helm and the widget's messages, without a browser."""
+"""Scenes, the joystick and the widget's messages, without a browser."""
 
 import math
 import signal
@@ -15,7 +15,7 @@ from workbench.logs.recordings import load_recording
 from workbench.robot.description import load_robot
 from workbench.robot.motors import twist
 from workbench.view.drawing import draw_scene
-from workbench.view.joystick import SHARE, Helm
+from workbench.view.joystick import SHARE, Joystick
 from workbench.view.play import scene_of, still
 from workbench.view.scenes import FIELDS, LiveScene, StoredScene, load_drive, whole
 from workbench.view.widget import CHUNK, Arena
@@ -32,43 +32,43 @@ def _slalom(scene, periods):
     return scene
 
 
-# --- the helm
+# --- the joystick
 
 
 def test_a_leader_by_hand_is_no_faster_than_its_followers_and_speeds_up_gently():
-    helm = Helm(STOPPING)
+    joystick = Joystick(STOPPING)
     before = 0.0
     for _ in range(30):
-        left, right = helm.steer(0.0, 1.0)
+        left, right = joystick.steer(0.0, 1.0)
         speed, turn = twist(left, right)
         assert left == right and speed - before < 0.1 * 0.1 + 1e-3
         before = speed
     assert speed == pytest.approx(STOPPING.leader_speed_mps, abs=1e-3) and turn == 0.0
-    fast = Helm(replace(STOPPING, leader_speed_mps=0.09))
+    fast = Joystick(replace(STOPPING, leader_speed_mps=0.09))
     assert fast.fastest == pytest.approx(SHARE * 0.09)
 
 
 @pytest.mark.parametrize("turn", [-1.0, -0.3, 0.5, 1.0, 7.0])
 @pytest.mark.parametrize("speed", [-1.0, 0.0, 0.4, 1.0])
 def test_every_joystick_position_is_within_what_followers_can_do(turn, speed):
-    helm = Helm(STOPPING)
+    joystick = Joystick(STOPPING)
     for _ in range(20):
-        left, right = helm.steer(turn, speed)
+        left, right = joystick.steer(turn, speed)
     forward, rate = twist(left, right)
     assert max(abs(left), abs(right)) <= STOPPING.robot.steps(0.09)
     assert -1e-3 <= forward <= 0.09 and np.sign(rate) == np.sign(turn) and abs(rate) <= 1.0 + 0.01
 
 
 def test_where_followers_cannot_stand_still_the_leader_creeps():
-    helm = Helm(PLANAR)
-    assert twist(*helm.steer(0.0, -1.0))[0] == pytest.approx(0.03, abs=1e-3)
-    assert helm.steer(math.nan, math.inf) == helm.steer(0.0, 0.0)
+    joystick = Joystick(PLANAR)
+    assert twist(*joystick.steer(0.0, -1.0))[0] == pytest.approx(0.03, abs=1e-3)
+    assert joystick.steer(math.nan, math.inf) == joystick.steer(0.0, 0.0)
 
 
 def test_a_large_robot_has_a_helm_of_its_own():
-    helm = Helm(STOPPING.with_robot(load_robot("large")))
+    joystick = Joystick(STOPPING.with_robot(load_robot("large")))
     for _ in range(30):
-        left, _ = helm.steer(0.0, 1.0)
+        left, _ = joystick.steer(0.0, 1.0)
     assert left * load_robot("large").step_m == pytest.approx(
         0.06 * load_robot("large").most_mps / 0.1288, rel=0.01
     )

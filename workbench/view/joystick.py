@@ -13,11 +13,11 @@ leader
 * changes its speed by at most 0.1 m/s² (times the robot's pace against an e-puck's).
 
 >>> from workbench.formation.config import ConvoyConfig
->>> helm = Helm(ConvoyConfig(wheel_speed_mps=(0.0, 0.09)))
->>> [helm.steer(0.0, 1.0) for _ in range(3)]
+>>> joystick = Joystick(ConvoyConfig(wheel_speed_mps=(0.0, 0.09)))
+>>> [joystick.steer(0.0, 1.0) for _ in range(3)]
 [(78, 78), (155, 155), (233, 233)]
 
-Contract: a helm remembers its speed; one call is one control period. All limits are our choice.
+Contract: a joystick remembers its speed; one call is one control period. All limits are our choice.
 """
 
 import math
@@ -31,7 +31,7 @@ TURN = 1.0  # rad/s
 ACCELERATION = 0.1  # m/s² of an e-puck
 
 
-class Helm:
+class Joystick:
     """Turn the position of a joystick into a leader's wheel commands.
 
     Attributes:

@@ -52,7 +52,7 @@ from workbench.measures.motion import Motion
 from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import BEARINGS, RING, SENSORS
-from workbench.view.joystick import Helm
+from workbench.view.joystick import Joystick
 
 FIELDS = (
     "x",
@@ -324,7 +324,7 @@ class LiveScene:
         if not self.convoy.has_sensors:
             fit_sensors(self.convoy)
         self._noise = np.random.default_rng(self.config.seed)  # of the readings that are only shown
-        self._helm = Helm(self.config)
+        self._stick = Joystick(self.config)
         self._joystick = (0.0, 0.0)
         self.commands: list[tuple[int, int]] = []
         self.t = 0
@@ -376,7 +376,7 @@ class LiveScene:
         frame = self._frame(steps)
         if self._external:
             left, right = (
-                self._helm.steer(*self._joystick)
+                self._stick.steer(*self._joystick)
                 if self._stored is None
                 else self._stored[self.t].tolist()
             )
