@@ -1,6 +1,8 @@
 """The house: imports point downwards, rooms stay small, functions short, lines narrow."""
 
 import ast
+import importlib
+import re
 import subprocess
 import tomllib
 from pathlib import Path
@@ -104,3 +106,38 @@ def test_every_folder_of_the_package_is_installed():
     folders = {path.parent for path in sources.PACKAGE.rglob("__init__.py")}
     root = sources.PACKAGE.parent
     assert told == {".".join(folder.relative_to(root).parts) for folder in folders}
+
+
+ROOM_NAMES = "arena envs formation lab learning logs measures plots studies view workbench".split()
+SUBROOMS = {"senses": "formation.senses", "laws": "formation.laws", "drives": "arena.drives"}
+SUBROOMS |= {"wire": "robot.wire", "validation": "studies.validation", "camera": "arena.camera"}
+
+
+def _resolves(name):
+    """Whether a dotted name in a docstring is something of the package."""
+    first, *rest = name.split(".")
+    full = ".".join([SUBROOMS.get(first, first), *rest]).removeprefix("workbench.")
+    parts = full.split(".")
+    for length in range(len(parts), -1, -1):
+        try:
+            found = importlib.import_module(".".join(["workbench", *parts[:length]]))
+        except ImportError:
+            continue
+        for part in parts[length:]:
+            if not hasattr(found, part):
+                return False
+            found = getattr(found, part)
+        return True
+    return False
+
+
+def test_docstrings_name_modules_and_functions_that_are_there():
+    firsts = "|".join([*ROOM_NAMES, "senses", "laws", "drives", "wire", "validation"])
+    pattern = re.compile(rf"``((?:{firsts})(?:\.\w+)+)``")
+    gone = [
+        f"{_module(path)}: {name}"
+        for path in MODULES
+        for name in pattern.findall(path.read_text(encoding="utf-8"))
+        if not _resolves(name)
+    ]
+    assert not gone

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from workbench.arena.drives.table import DRIVES, NUMBERS
+from workbench.arena.drives.table import DRIVE_NUMBERS, DRIVES
 from workbench.arena.model import build_model
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.arena.world import World, read_pose
@@ -129,7 +129,7 @@ def test_heading_is_read_back_from_any_quaternion():
     world = _world("wheels", robots=1)
     for heading in np.linspace(-3.1, 3.1, 13):
         world.place(0, 0, 0.1, -0.2, heading)
-        x, y, c, s = read_pose(world.qpos[0], 0, NUMBERS["wheels"])
+        x, y, c, s = read_pose(world.qpos[0], 0, DRIVE_NUMBERS["wheels"])
         assert (x, y) == (0.1, -0.2) and math.atan2(s, c) == pytest.approx(heading)
 
 

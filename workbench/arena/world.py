@@ -25,7 +25,7 @@ import numpy as np
 from mujoco import batch as mujoco_batch
 from numpy.typing import NDArray
 
-from workbench.arena.drives.table import DRIVES, NUMBERS, read
+from workbench.arena.drives.table import DRIVE_NUMBERS, DRIVES, read
 from workbench.arena.floor import draw_floors
 from workbench.arena.model import build_model
 from workbench.arena.tracks import Track
@@ -52,7 +52,7 @@ MOTORS = np.dtype(
 def motors_of(robot: RobotConfig, drive: str) -> dict[str, float]:
     """Return the fields of MOTORS for a robot and a drive."""
     return {
-        "drive": NUMBERS[drive],
+        "drive": DRIVE_NUMBERS[drive],
         "actuators": len(DRIVES[drive].actuators),
         "per_step": DRIVES[drive].per_step(robot),
         "most": robot.most_steps,
@@ -181,7 +181,7 @@ class World:
 
     def pose(self, formation: int, robot: int) -> tuple[float, float, float]:
         """Return a robot's x, y in m and heading in rad."""
-        x, y, c, s = read_pose(self.qpos[formation], robot, NUMBERS[self.drive.name])
+        x, y, c, s = read_pose(self.qpos[formation], robot, DRIVE_NUMBERS[self.drive.name])
         return x, y, math.atan2(s, c)
 
     def place(self, formation: int, robot: int, x: float, y: float, heading: float) -> None:

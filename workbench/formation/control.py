@@ -1,8 +1,9 @@
 """One control period of all formations, compiled: everything but the physics.
 
-The order within a call: leader and all followers sense, and choose from the same instant; then,
-while their actions run, all learn. Who is behind whom is the order of the records: robot i follows
-robot i - 1, robot 0 leads.
+The order within a call: leader and all followers sense, and choose from the same instant; then all
+learn. The physics follows, so that in simulated time they learn while their actions run; without
+the update buffer a follower learns before it chooses (``follower.act``). Who is behind whom is the
+order of the records: robot i follows robot i - 1, robot 0 leads.
 
 Contract: arrays are written in place and nothing is allocated; chance comes in. Python is needed
 only where a flag says so.
@@ -129,7 +130,7 @@ def _formation_step(one: Any, b: int) -> int:
         robot.learning.chance = one.chance[i].explore
         robot.learning.room = formation.updates < formation.budget
         flags |= _act(task, one, formation, i)
-    # while their actions run, all learn
+    # then all learn; the physics of this period is still to come
     for i in range(1, robots.size):
         if not learn(task, robots[i], _memory(one, i)):
             flags |= DIVERGED

@@ -271,7 +271,8 @@ class Convoy:
         return entries
 
     def steps(self) -> Iterator[list[NDArray[np.void]]]:
-        """Run to the end, block by block: the one loop that everything which drives goes through.
+        """Run to the end, block by block: the one loop of every run. Who drives a robot from
+        outside goes on period by period (``period``).
 
         Yields:
             What happened, (periods, followers + 1) of PERIOD a formation: views of the block, so

@@ -301,7 +301,8 @@ def _finish(task: Any, follower: Any, period: Any, reward: float, next_state: in
 
 @compiled
 def act(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, bool]:
-    """Observe, finish the running transition and choose wheel commands, which are remembered.
+    """Observe, finish the running transition (without the update buffer: learn it) and choose wheel
+    commands, which are remembered.
 
     What is observed stands in ``follower.seen``: distance and bearing of the predecessor, m and
     rad. ``follower.learning`` has ε and one uniform number in [0, 1) to explore by, and whether the

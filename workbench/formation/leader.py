@@ -7,8 +7,8 @@ speed, to the side where it saw it last; after two seconds without a line it sto
 when it sees one. What is white and black is the leader's own knowledge (``knows_white``,
 ``knows_black`` of its record), right only if it has calibrated on its own sensors.
 
-Contract: ``follow_line`` reads and writes the leader's record: ``memory`` -1 line last seen right,
-+1 left; ``timer`` control periods without a line.
+Contract: ``follow_line`` reads and writes the leader's record: ``ground.line_side`` -1
+line last seen right, +1 left; ``reset.timer`` control periods without a line.
 """
 
 from typing import Any

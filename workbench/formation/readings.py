@@ -57,9 +57,9 @@ def warp_of(infrared: InfraredConfig, reading: float) -> float:
 def raw_scales(
     infrared: InfraredConfig, distance_m: tuple[float, float], limit_rad: float, floor: float
 ) -> NDArray[np.float64]:
-    """Return (4,) what ``senses.raw_errors`` scales with: the mean logarithm at d*, from there to
-    the near and to the far bound straight ahead, and the difference of logarithms at the bearing's
-    bound and d*.
+    """Return (4,) what ``senses.infrared.raw_errors`` scales with: the mean logarithm at d*, from
+    there to the near and to the far bound straight ahead, and the difference of logarithms at the
+    bearing's bound and d*.
     """
     middle = sum(distance_m) / 2
 

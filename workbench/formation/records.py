@@ -32,7 +32,7 @@ from workbench.formation.follower import (
 from workbench.formation.laws.law import LAW, LAW_TASK
 from workbench.formation.leader import GROUND, LEADER
 from workbench.formation.reset import RESET, SEARCHING
-from workbench.formation.senses.table import DRAWS, NUMBERS, ROBOT_PARTS, TASK_PARTS
+from workbench.formation.senses.table import DRAWS, ROBOT_PARTS, SENSE_FIELDS, TASK_PARTS
 
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("cos", "f8"), ("sin", "f8")])  # m; of the heading
 MOTION = np.dtype(  # over the last control period, along the heading: m/s, rad/s; and from where
@@ -90,7 +90,7 @@ TASK = np.dtype(
         ("search", SEARCHING),
         ("noise", NOISE),
         ("law", LAW_TASK),
-        ("sense", NUMBERS),
+        ("sense", SENSE_FIELDS),
         *TASK_PARTS,
         ("body", BODY_TASK),
         ("run", RUN),

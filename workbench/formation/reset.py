@@ -78,13 +78,11 @@ def manoeuvre(task: Any, follower: Any, distance: float, bearing: float) -> tupl
     """Advance the state machine by one control period and return the wheel commands in steps/s.
 
     Args:
-        task: TASK record: d* ``middle`` and ``half_range`` in m, terminal bearing ``limit`` in rad,
-            ``sight`` in m; ``infrared`` where the robot has only its own senses to search with, see
-            ``drive_on``; ``haste``, what share of a bearing it turns
-            away per control period: 1, less where its commands are known to come late; and what the
-                robot is.
-        follower: record with ``phase`` and ``timer``, which are updated; phase FOLLOW means: start
-            a new episode now.
+        task: TASK record: ``bounds``; ``infrared.sees`` where the robot has only its own senses to
+            search with, see ``drive_on``; ``search.haste``, what share of a bearing it turns away
+            per control period: 1, less where its commands are known to come late; ``motors``.
+        follower: ROBOT record, whose ``reset`` is updated; phase FOLLOW means: start a new episode
+            now.
         distance, bearing: of the predecessor, m and rad.
     """
     half_range = task.bounds.half_range

@@ -9,7 +9,7 @@ from workbench.arena.world import motors_of
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.own import OwnLaw
-from workbench.formation.laws.table import NUMBERS
+from workbench.formation.laws.table import LAW_NUMBERS
 from workbench.formation.own_reward import OwnReward
 from workbench.formation.records import TASK
 from workbench.formation.reset import search_numbers
@@ -146,7 +146,7 @@ def _law(config: ConvoyConfig, law: ControlLaw | None) -> dict[str, Any]:
     }
     if law is not None:
         gains = law.gains()
-        found |= {"number": NUMBERS[type(law)], "gain": [*gains, *[0.0] * (8 - len(gains))]}
+        found |= {"number": LAW_NUMBERS[type(law)], "gain": [*gains, *[0.0] * (8 - len(gains))]}
     if isinstance(law, OwnLaw):
         found["speed_function"], found["turn_function"] = law.addresses()
     return found

@@ -54,7 +54,7 @@ class LearnerConfig:
     def _check(self) -> None:
         if RULES[self.rule].target == SAMPLED and not self.buffer:
             raise ValueError(
-                "LearnerConfig.buffer = False with rule = 'true-online-sarsa'; Sarsa learns "
+                f"LearnerConfig.buffer = False with rule = {self.rule!r}; Sarsa learns "
                 "after it has chosen its next action, "
                 "which is what the buffer does: expected buffer = True"
             )

@@ -9,7 +9,8 @@ the one kernel, and which rule has an update of its own.
     true-online-sarsa   the ε-greedy behaviour, sampled     its own update (``learning.sarsa``)
 
 QRC(λ): Ghiassian et al., ICML 2020. A rule more is a row more, and a function where it has an
-update of its own.
+update of its own; with a parameter of its own also a field of LearnerConfig and of LEARNER in
+``formation.follower``.
 """
 
 from typing import Any, NamedTuple
@@ -92,7 +93,7 @@ RULES = {
     "expected-sarsa": Rule(EXPECTED, ON_POLICY, corrected=False),
     "qrc": Rule(GREEDY, IMPORTANCE, corrected=True, kappa=1.0),
     "true-online-sarsa": Rule(
-        SAMPLED, IMPORTANCE, corrected=False, update=sarsa_step, remembers=True
+        SAMPLED, ON_POLICY, corrected=False, update=sarsa_step, remembers=True
     ),
 }
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 from workbench.formation.config import SETTINGS
 from workbench.lab.study import Case, Study
-from workbench.learning.rules import RULES
 from workbench.studies.conditions import with_learner
 from workbench.studies.motion_trials import measure_rival
+
+RIVALS = ("greedy-gq", "watkins-q", "expected-sarsa", "qrc", "true-online-sarsa")
 
 
 def cases() -> Sequence[Case]:
@@ -15,7 +16,7 @@ def cases() -> Sequence[Case]:
     cases: list[Case] = []
     for setting, alphas in (("paper", (0.03, 0.1, 0.3)), ("recommended", (0.1,))):
         base = replace(SETTINGS[setting], drive="planar")
-        for rule in RULES:
+        for rule in RIVALS:
             for alpha in alphas:
                 several = (
                     (0.01, 0.1, 1.0)

@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 
 from workbench.robot.description import RobotConfig
+from workbench.robot.geometry import CONTROL_PERIOD
 
 # collision classes
 FLOOR = 1
@@ -22,7 +23,7 @@ class Drive:
         name: of the drive.
         timestep_s: of the physics.
         qpos: numbers per robot; at_rest: those of a robot at x, y (m) with a heading (rad).
-        actuators: per robot, the left and the right wheel first.
+        actuators: per robot; the first two set the speeds of the left and the right wheel.
         gravity: whether robots stand by their weight; axle_m: height of the axle in the body's
             frame.
         per_step: what an actuator's unit per second is for one step/s of a wheel.
@@ -40,6 +41,14 @@ class Drive:
     axle_m: Callable[[RobotConfig], float]
     per_step: Callable[[RobotConfig], float]
     read: Any
+
+    def __post_init__(self) -> None:
+        steps = CONTROL_PERIOD / self.timestep_s
+        if abs(steps - round(steps)) > 1e-9:
+            raise ValueError(
+                f"Drive.timestep_s = {self.timestep_s!r}; expected a whole number of steps per "
+                f"control period of {CONTROL_PERIOD:g} s"
+            )
 
 
 def add_sphere(

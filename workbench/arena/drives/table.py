@@ -7,5 +7,5 @@ from workbench.compiled import chosen
 
 _ROWS: tuple[Drive, ...] = (WHEELS, PLANAR)
 DRIVES = {drive.name: drive for drive in _ROWS}
-NUMBERS = {drive.name: number for number, drive in enumerate(_ROWS)}  # of MOTORS.drive
+DRIVE_NUMBERS = {drive.name: number for number, drive in enumerate(_ROWS)}  # of MOTORS.drive
 read = chosen([drive.read for drive in _ROWS])

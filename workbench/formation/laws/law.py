@@ -58,7 +58,7 @@ class ControlLaw:
 
     Attributes:
         name: the law's name on the command line and in files.
-        needs: the information that it is given, words of ``formation.config.SENSING``.
+        needs: the information that it is given, words of ``senses.table.SENSING``.
         steer: the compiled function.
     """
 

@@ -51,7 +51,7 @@ Controller = Policy | ControlLaw
 
 _STEERING: tuple[type[ControlLaw], ...] = (*LAWS.values(), OwnLaw)
 OUTSIDE = len(_STEERING) + 1
-NUMBERS = {law: number for number, law in enumerate((*_STEERING, Outside), 1)}  # 0: no law
+LAW_NUMBERS = {law: number for number, law in enumerate((*_STEERING, Outside), 1)}  # 0: no law
 
 _steer = chosen([law.steer for law in _STEERING])
 

@@ -182,8 +182,8 @@ def _earlier(robot: Any, age: float) -> tuple[float, float]:
 
 @compiled
 def look(task: Any, robot: Any) -> tuple[float, float]:
-    """Return distance in m and bearing in rad of the robot in front from the readings in ``prox``,
-    UNSEEN if there is none.
+    """Return distance in m and bearing in rad of the robot in front from the readings, UNSEEN if
+    there is none.
     """
     left, right = robot.infrared.readings[7], robot.infrared.readings[0]
     robot.infrared.left, robot.infrared.right = (

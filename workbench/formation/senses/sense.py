@@ -1,6 +1,7 @@
 """A sensing mode: what a follower is told, how it is compiled into the loop, and what it draws.
 
-A mode is one file beside this one and a row of ``table``. The loop calls its compiled functions,
+A mode is one file beside this one and a row of ``senses.table``; chance of a new kind also needs a
+name at the end of ``formation.streams``. The loop calls its compiled functions,
 with records of type TASK and ROBOT:
 
     locate(task, one, formation, i)             before anybody senses, for every robot i of the

@@ -45,7 +45,7 @@ _COLUMNS = {
     column: _distinct(getattr(row, column) for row in _ROWS)
     for column in ("locate", "see", "tiled", "errors")
 }
-NUMBERS = [(column, "i8") for column in _COLUMNS]  # fields of TASK.sense
+SENSE_FIELDS = [(column, "i8") for column in _COLUMNS]  # fields of TASK.sense
 locate = chosen(_COLUMNS["locate"])
 see = chosen(_COLUMNS["see"])
 tiled = chosen(_COLUMNS["tiled"])

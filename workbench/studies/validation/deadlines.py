@@ -4,8 +4,8 @@
 The link is emulated: the real protocol on a real pseudo-terminal, with bytes as slow as on the
 wire, round a simulated robot that moves on in real time. The loop learns while it drives. An update
 takes this computer's time and in addition that of a slower one: a dense update of all weights, as
-in a textbook NumPy program, times a stated factor (``studies.update_time_s``). How slow the paper's
-module was nobody measured, so the table goes over factors.
+in a textbook NumPy program, times a stated factor (``studies.tables.update_time_s``). How slow the
+paper's module was nobody measured, so the table goes over factors.
 
 With the update buffer (paper II-D) the command is sent before the transition is learned, without it
 afterwards. Two deadlines tell these apart: whether a control period begins in time, and whether a

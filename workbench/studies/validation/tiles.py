@@ -2,7 +2,7 @@
 situation.
 
 The situation: an e-puck2 backs off from an object straight ahead, recorded in four runs
-(``infrared_validation``). Taken are the rows with a gap of 6 to 56 mm, which are the bounds of the
+(``validation.infrared``). Taken are the rows with a gap of 6 to 56 mm, which are the bounds of the
 setting "infrared" between two paper cups; its readings go through the follower's own perception.
 The object is no cup but reads like a wall, so that the model's reading is that of a wall too: as
 the nominal sensor has it (gain 1), and with the gain that fits this sensor in this run on even
