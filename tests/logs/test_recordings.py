@@ -89,6 +89,9 @@ def test_a_recording_is_loaded_as_it_was_written(tmp_path):
     assert units["t_s"] == "s" and units["ps0"] == "counts" and units["heading_rad_ahead"] == "rad"
     summary = recording.summary()
     assert summary["rate_hz"] == pytest.approx(10) and summary["complete"] and not summary["real"]
+    told = recording.header
+    assert told["measured_rate_hz"] == pytest.approx(summary["rate_hz"])
+    assert told["longest_interval_s"] == pytest.approx(summary["longest_interval_s"])
 
 
 def test_a_followers_thoughts_are_recorded_with_the_probability_of_what_it_did(tmp_path):

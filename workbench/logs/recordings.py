@@ -121,6 +121,7 @@ class Recorder:
         self.columns = _expected_columns(set(self.sensors), poses=poses)
         self._poses = poses
         self._rows = 0
+        self._times: list[float] = []
         self._synced = 0.0
         period = robot.period_s or CONTROL_PERIOD
         self.header: dict[str, Any] = {
@@ -184,6 +185,7 @@ class Recorder:
             )
         )
         self._rows += 1
+        self._times.append(t_s)
 
     def watch(self, follower: SoloFollower, robot: Robot, t_s: float) -> None:
         """Record a period of ``formation.solo.drive``; pass it as ``watch=``."""
@@ -197,6 +199,10 @@ class Recorder:
         os.close(self._file)
         self._file = -1
         self.header |= {"complete": True, "rows": self._rows, "sha256": _sha256(self.path)}
+        if self._rows > 1:  # as it was, beside the wanted rate
+            intervals = np.diff(self._times)
+            self.header["measured_rate_hz"] = float(1 / np.median(intervals))
+            self.header["longest_interval_s"] = float(intervals.max())
         write_json(self.path.with_suffix(".json"), self.header)
 
     def __enter__(self) -> Self:
