@@ -1,8 +1,10 @@
 """The guardian stops the robot of a program that is killed, stopped or silent."""
 
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 
@@ -12,8 +14,10 @@ import pytest
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
 from workbench.robot.faults import LinkLost
+from workbench.robot.guardian import GuardedLink
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
+from workbench.robot.wire.epuck2 import COMMAND_BYTES, ENTRY, command
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 DRIVING = """
@@ -91,3 +95,52 @@ def test_a_wire_that_cannot_be_opened_is_said_as_without_a_guardian():
         open_robot("tcp:127.0.0.1:1", guardian=True).connect()
     with pytest.raises(LinkLost, match="cannot be opened"):
         open_robot("serial:/dev/does-not-exist", guardian=True).connect()
+
+
+@pytest.fixture
+def talker():
+    """A peer that talks without being asked and never stops; what it heard is kept."""
+    server = socket.create_server(("127.0.0.1", 0))
+    heard = bytearray()
+    leave = threading.Event()
+
+    def talk():
+        client, _ = server.accept()
+        with client:
+            client.setblocking(False)
+            while not leave.is_set():
+                try:
+                    client.send(b"\x55" * 4096)
+                except BlockingIOError:
+                    time.sleep(1e-3)
+                except OSError:
+                    return
+                try:
+                    heard.extend(client.recv(4096))
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    return
+
+    thread = threading.Thread(target=talk, daemon=True)
+    thread.start()
+    yield f"127.0.0.1:{server.getsockname()[1]}", heard
+    leave.set()
+    thread.join()
+    server.close()
+
+
+def test_a_peer_that_talks_at_once_and_a_program_that_does_not_read_do_not_keep_it_from_stopping(
+    talker,
+):
+    address, heard = talker
+    link = GuardedLink(ENTRY, address, {}, silence_s=0.5, timeout_s=0.2)  # it could be opened
+    link.write(command(300, 300, sensors=False))
+    stop = bytes(COMMAND_BYTES) + command(0, 0, sensors=False)
+    until = time.monotonic() + 2.0
+    while stop not in heard and time.monotonic() < until:
+        time.sleep(0.02)  # the program reads nothing, its buffer is full long before
+    assert stop in heard
+    link._wire.close()
+    link._child.kill()  # nobody can be told by such a peer that the robot stands
+    link._child.wait()

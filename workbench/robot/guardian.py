@@ -35,6 +35,7 @@ START_S = 10.0  # for the process to begin, on a busy computer
 GIVE_UP_S = 10.0  # for stopping a robot that does not answer, once the program is gone
 _HEAD = struct.Struct("<BI")  # kind of message, its length
 _BYTES, _PATIENCE = range(2)
+_OPEN, _FAILED = b"\x01", b"\x00"  # the guardian's first byte; why it failed follows
 
 
 class GuardedLink(Link):
@@ -75,10 +76,12 @@ class GuardedLink(Link):
         self._wire = own
         own.settimeout(START_S)
         try:
-            said = own.recv(4096)
+            said = own.recv(1)  # what the robot sends without being asked may follow at once
+            if said != _OPEN:
+                said = own.recv(4096)
         except OSError:
             said = b""
-        if said != b"ok":
+        if said != _OPEN:
             self.close()
             raise LinkLost(said.decode("utf-8", "replace") or "the guardian did not begin")
         own.settimeout(timeout_s)
@@ -127,10 +130,19 @@ class _Guardian:
         while True:
             ready, _, _ = select.select([self._program, link], [], [], 0.02)
             if link in ready:
-                self._program.sendall(link._receive(0.0))
+                self._hand_back(link._receive(0.0))
             if self._program in ready and not self._hear(link):
                 return
             self._watch()
+
+    def _hand_back(self, data: bytes) -> None:
+        """Hand on what the robot says; a program that does not read loses it, and must not keep the
+        guardian from stopping its robot.
+        """
+        try:
+            self._program.send(data, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            pass  # its buffer is full
 
     def _hear(self, link: Link) -> bool:
         """Take what the program says; return whether it is still there."""
@@ -186,9 +198,9 @@ def main() -> None:
     try:
         robot._open()
     except RobotError as error:
-        program.sendall(str(error).encode())
+        program.sendall(_FAILED + str(error).encode())
         return
-    program.sendall(b"ok")
+    program.sendall(_OPEN)
     guardian = _Guardian(program, robot, task["silence_s"])
     try:
         guardian.run()
