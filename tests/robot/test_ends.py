@@ -165,3 +165,14 @@ def test_handlers_of_others_are_left_alone_and_ours_go_with_the_last_robot(emula
         assert signal.getsignal(signal.SIGTERM) is usual
     finally:
         signal.signal(signal.SIGHUP, kept)
+
+
+def test_whoever_catches_an_interruption_can_be_interrupted_again(emulator):
+    with open_robot(emulator.url) as robot:
+        robot.enable("proximity")
+        for _ in range(2):
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.01)
+            robot.step()
+            time.sleep(ends.ON_ITS_WAY_S)

@@ -178,12 +178,7 @@ class Robot(Words):
         with self._lock:
             if not self._connected:
                 self._open()
-                try:
-                    self._halt()
-                except RobotError as error:
-                    self._lost()
-                    error.add_note(MAY_MOVE)
-                    raise
+                self._halt_or_lose()
                 self._connected = True
                 if self.wired:
                     ends.add(self)
@@ -356,12 +351,7 @@ class Robot(Words):
         self._heard = self.clock.now()
         with self._lock:
             self._speed = (0, 0)
-            try:
-                self._halt()
-            except RobotError as error:
-                self._lost()
-                error.add_note(MAY_MOVE)
-                raise
+            self._halt_or_lose()
 
     @property
     def commanded(self) -> tuple[int, int]:
@@ -518,6 +508,15 @@ class Robot(Words):
         """Stop the robot and make sure of it."""
         if "drive" in self.capabilities:
             guard.stop(self, self.clock)
+
+    def _halt_or_lose(self) -> None:
+        """Stop the robot; where that cannot be confirmed the link is given up."""
+        try:
+            self._halt()
+        except RobotError as error:
+            self._lost()
+            error.add_note(MAY_MOVE)
+            raise
 
     def _lost(self) -> None:
         self._connected = False

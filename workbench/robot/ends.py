@@ -28,6 +28,7 @@ from weakref import WeakSet
 SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
+ON_ITS_WAY_S = 1.0  # s in which an interruption has reached what stops the robots
 REMEMBERED_S = 60.0  # s, longer than anything compiles
 _USUAL = (signal.SIG_DFL, signal.default_int_handler)
 
@@ -102,7 +103,7 @@ def release() -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    again = _is_noted()
+    again = time.monotonic() - _now.noted < ON_ITS_WAY_S
     _now.noted = time.monotonic()
     if _now.stopping:
         _now.held = True
