@@ -1,17 +1,19 @@
 """Plots of studies: a quantity against a level or for named conditions, each mean with its interval
-over seeds.
+over seeds; ``curve_panels`` and ``dot_panels`` draw several quantities side by side.
 
 Like all plots they take data, draw on ``ax`` and return it. The tables come from
 ``workbench.measures.comparisons``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from workbench.measures.comparisons import by_condition
 from workbench.plots.style import CYCLE, MARKERS, new_axes, note
 
 LINES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (8, 2)))
@@ -28,6 +30,7 @@ def curves(
     ax: Axes | None = None,
     even: bool = False,
     log: bool = False,
+    legend: bool = True,
 ) -> Axes:
     """Draw value against a numeric level, one line per case of ``by``, with intervals.
 
@@ -70,7 +73,8 @@ def curves(
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     note(ax, f"{BAND}, n = {_seeds(summary)}")
-    ax.legend()
+    if legend:
+        ax.legend()
     return ax
 
 
@@ -109,6 +113,58 @@ def dots(
     ax.set_xlabel(xlabel)
     note(ax, f"{BAND}, n = {_seeds(summary)}")
     return ax
+
+
+def curve_panels(
+    table: pd.DataFrame,
+    by: str,
+    x: str,
+    values: Mapping[str, str],
+    *,
+    xlabel: str,
+    size: tuple[float, float],
+    even: bool = True,
+    legend: bool = True,
+) -> Figure:
+    """Draw several quantities of a study's table against a level, side by side.
+
+    Args:
+        table: a row per condition and seed.
+        by, x: the columns that name the condition: a case, a numeric level.
+        values: column → its words on the axis.
+        size: of the figure, inches.
+    """
+    fig = Figure(figsize=size, layout="constrained")
+    axes = fig.subplots(1, len(values))
+    for ax, (value, words) in zip(axes, values.items(), strict=True):
+        summary = by_condition(table, [by, x], value)
+        curves(summary, x, by=by, xlabel=xlabel, ylabel=words, ax=ax, even=even, legend=legend)
+    return fig
+
+
+def dot_panels(
+    table: pd.DataFrame,
+    rows: str,
+    values: Mapping[str, str],
+    *,
+    size: tuple[float, float],
+    reference: float | None = None,
+) -> Figure:
+    """Draw several quantities of a study's table for named conditions, side by side.
+
+    Args:
+        table: a row per condition and seed.
+        rows: the column that names the condition.
+        values: column → its words on the axis.
+        size: of the figure, inches.
+        reference: see ``dots``.
+    """
+    fig = Figure(figsize=size, layout="constrained")
+    axes = fig.subplots(1, len(values))
+    for ax, (value, words) in zip(axes, values.items(), strict=True):
+        dots(by_condition(table, [rows], value), rows, xlabel=words, ax=ax, reference=reference)
+    beside(axes)
+    return fig
 
 
 def beside(axes: Sequence[Axes]) -> None:

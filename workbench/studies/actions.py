@@ -3,9 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.formation.config import SETTINGS
 from workbench.lab.study import Case, Study
-from workbench.studies.conditions import BASE
+from workbench.measures.comparisons import by_condition, by_quantity
+from workbench.plots.comparisons import beside, dots
+from workbench.studies.conditions import BASE, LOSSES_AND_GREEDY
 
 
 def cases() -> Sequence[Case]:
@@ -35,4 +40,21 @@ def cases() -> Sequence[Case]:
     ]
 
 
-STUDY = Study("actions", __doc__, cases)
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw losses and errors by the number of speed levels, and by their range."""
+    panels = LOSSES_AND_GREEDY
+    fig = Figure(figsize=(10.8, 4.6), layout="constrained")
+    grid = fig.subplots(2, 3, sharex="col")
+    factors = {"levels": "speed levels per wheel", "range": "range, 7 levels"}
+    for line, (factor, words) in zip(grid, factors.items(), strict=True):
+        for ax, (value, name) in zip(line, panels.items(), strict=True):
+            summary = by_condition(table[table["factor"] == factor], ["level"], value)
+            default = summary.iloc[2]["value"]  # 7×7 levels, and 30 to 90 mm/s
+            label = name if factor == "range" else ""
+            dots(summary, "level", xlabel=label, ax=ax, reference=default)
+        line[0].set_ylabel(words)
+        beside(line)
+    return fig, by_quantity(table, ["factor", "level"], panels)
+
+
+STUDY = Study("actions", __doc__, cases, plots={"action_levels": plot})

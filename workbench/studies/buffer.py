@@ -3,7 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
+from workbench.lab.statistics import paired
 from workbench.lab.study import Case, Study
+from workbench.plots.comparisons import curves
 from workbench.studies.conditions import BASE, COMPUTE_TIMES_S, ROBOT, with_learner
 
 
@@ -20,4 +25,28 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-STUDY = Study("buffer", __doc__, cases)
+def losses_saved(table: pd.DataFrame) -> pd.DataFrame:
+    """Return losses without minus with the buffer, paired by seed, by table and compute time."""
+    lines = []
+    off = table[table["buffer"] == "off"]
+    for (name, seconds), part in off.groupby(["table", "compute_time_s"], sort=False):
+        on = table[(table["buffer"] == "on") & (table["table"] == name)]
+        effect = paired(part["losses"], on["losses"])
+        lines.append((name, round(1000 * seconds), *effect, len(part)))
+    columns = ["table", "compute_time_ms", "value", "low", "high", "seeds"]
+    return pd.DataFrame(lines, columns=columns)
+
+
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw losses saved by the buffer against the time that an update takes."""
+    effect = losses_saved(table)
+    fig = Figure(figsize=(5.4, 3.6), layout="constrained")
+    ax = fig.add_subplot()
+    label, words = "time that one update takes in ms", "losses without − with buffer"
+    curves(effect, "compute_time_ms", by="table", xlabel=label, ylabel=words, ax=ax)
+    ax.axhline(0, color="#777777", linewidth=0.8, linestyle=":")
+    ax.set_ylim(effect["low"].min() * 1.1, None)
+    return fig, effect
+
+
+STUDY = Study("buffer", __doc__, cases, plots={"buffer_effect": plot})

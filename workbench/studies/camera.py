@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from workbench.arena.camera.config import CameraConfig
 from workbench.formation.config import ConvoyConfig
-from workbench.lab.study import Case, Study
+from workbench.lab.study import Case, Rows, Study
 from workbench.studies.camera_trials import measure_camera
 
 
@@ -21,4 +21,14 @@ def cases() -> Sequence[Case]:
     ]
 
 
-STUDY = Study("camera", __doc__, cases, function=measure_camera, steps=1_300_000, minutes=30.0)
+# five minutes with the fast model, and with every picture drawn and searched
+ROWS = Rows(("seen",), {("camera",): "camera_{}", ("pixels",): "pixels_{}"}, prefix="drive_")
+STUDY = Study(
+    "camera",
+    __doc__,
+    cases,
+    function=measure_camera,
+    steps=1_300_000,
+    minutes=30.0,
+    rows=ROWS,
+)

@@ -20,6 +20,12 @@ ROBOT = replace(SETTINGS["paper-robot"], drive="planar")
 LOGARITHMIC = replace(SETTINGS["logarithmic"], drive="planar")
 OTHER = BodyConfig(wheel_spread=0.02, axle_spread=0.02)  # robots that are not alike
 HORIZON = 1_000_000  # updates of the study of smoothness, over which ε falls
+# how a trial's main numbers are called on axes
+GREEDY = {
+    "greedy_rms_distance_mm": "greedy RMS distance error in mm",
+    "greedy_bearing_std_deg": "greedy bearing spread in degrees",
+}
+LOSSES_AND_GREEDY = {"losses": "losses while learning"} | GREEDY
 COMPUTE_TIMES_S = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
 
 

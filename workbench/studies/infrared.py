@@ -3,10 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.formation.config import SETTINGS
 from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Case, Study
 from workbench.lab.trial import Trial
+from workbench.measures.comparisons import by_quantity
+from workbench.plots.comparisons import beside, dots, one_note
 from workbench.studies.infrared_trials import measure_infrared
 
 
@@ -33,4 +38,27 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-STUDY = Study("infrared", __doc__, cases, function=measure_infrared)
+VALUES = {
+    "share_inside_last_third": "share inside, last third",
+    "rms_distance_mm": "RMS distance error inside (mm)",
+    "bearing_std_deg": "bearing inside, sd (°)",
+}
+
+
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw time inside and errors by route, table and number of followers."""
+    who = table["followers"].map({1: "1 follower", 4: "4 followers"})
+    case = table["route"] + ", " + table["table"].str[:3] + ", " + who
+    lines = by_quantity(table.assign(condition=case), ["condition"], VALUES)
+    fig = Figure(figsize=(9.6, 3.4), layout="constrained")
+    axes = fig.subplots(1, 3)
+    for ax, (name, words) in zip(axes, VALUES.items(), strict=True):
+        dots(lines[lines["quantity"] == name], "condition", xlabel=words, ax=ax)
+    beside(axes)
+    one_note(axes)
+    return fig, lines
+
+
+STUDY = Study(
+    "infrared", __doc__, cases, function=measure_infrared, plots={"infrared_learning": plot}
+)

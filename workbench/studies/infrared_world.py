@@ -3,9 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.formation.config import SETTINGS
 from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Case, Study
+from workbench.measures.comparisons import by_condition, difference, said
+from workbench.measures.verdicts import Verdict, ruling
+from workbench.plots.comparisons import dots
 from workbench.studies.conditions import with_infrared
 from workbench.studies.infrared_trials import measure_infrared
 
@@ -40,6 +46,84 @@ def cases() -> Sequence[Case]:
     return cases
 
 
+HOPELESS = ("offsets not calibrated", "blinding light")  # worlds in which nobody follows
+# of the claim that counts do not matter: share, mm (half the middle metric tile), degrees
+MARGINS = {"share_inside_last_third": 0.01, "rms_distance_mm": 2.0, "bearing_std_deg": 1.0}
+ASSUMED = {"world": "as assumed"}
+
+
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw time inside, and errors where somebody follows, world by world."""
+    rest = table[~table["world"].isin(HOPELESS)]
+    words = {
+        "share_inside_last_third": "share inside, last third",
+        "rms_distance_mm": "RMS distance error (mm)",
+    }
+    lines = {
+        value: by_condition(part, ["route", "world"], value)
+        for value, part in zip(words, (table, rest), strict=True)
+    }
+    fig = Figure(figsize=(9.6, 6.6), layout="constrained")
+    grid = fig.subplots(2, 2)
+    for number, (axes, route) in enumerate(zip(grid, ("ir-metric", "ir-raw"), strict=True)):
+        for ax, (value, name) in zip(axes, words.items(), strict=True):
+            part = lines[value][lines[value]["route"] == route]
+            dots(part, "world", xlabel=f"{route}: {name}", ax=ax, number=number)
+            ax.set_xlim((-0.03, 1.05) if value.startswith("share") else (0, 16))
+    return fig, pd.concat(lines, names=["quantity"]).reset_index(level=0)
+
+
+def counts_do_not_matter(table: pd.DataFrame) -> Verdict:
+    """Decide N5: under three distortions of raw readings nothing changes by more than a margin."""
+    warps = [f"{warp} distortion" for warp in ("logarithmic", "offset", "saturating")]
+    raw = table[(table["route"] == "ir-raw") & table["world"].isin(["as assumed", *warps])]
+    change = {
+        value: difference(raw, ["world"], value, ASSUMED).set_index("world").loc[warps]
+        for value in MARGINS
+    }
+    same = [
+        bool((change[value][["low", "high"]].abs() <= margin).all().all())
+        for value, margin in MARGINS.items()
+    ]
+    each = "; ".join(
+        f"{warp} {said(line, 'mm')}" for warp, line in change["rms_distance_mm"].iterrows()
+    )
+    far = 100 * change["share_inside_last_third"][["low", "high"]].abs().max().max()
+    words = (
+        f"share inside within {far:.2f} points; RMS distance error: {each}; margins: 1 point, "
+        "2 mm (half width of the middle metric tile), 1°"
+    )
+    claim = "The absolute counts do not matter, as the learner adapts."
+    return Verdict("N5", claim, ruling(*same), words)
+
+
+def logarithmic_tiles(table: pd.DataFrame) -> Verdict:
+    """Decide S3: with linear tiles both errors are larger, on both routes."""
+    pairs = table[table["world"].isin(["as assumed", "linear tiles"])]
+    lines = {}
+    for route, part in pairs.groupby("route"):
+        for value in ("rms_distance_mm", "bearing_std_deg"):
+            found = difference(part, ["world"], value, ASSUMED).set_index("world")
+            lines[f"{route}, {value.split('_')[0]}", value.split("_")[-1]] = found.loc[
+                "linear tiles"
+            ]
+    words = "; ".join(f"{name}: {said(line, unit)}" for (name, unit), line in lines.items())
+    claim = (
+        "For raw readings logarithmic tiling is of much better use. It also yielded better "
+        "results for the angle."
+    )
+    better = [bool(line["low"] > 0) for line in lines.values()]
+    because = f"linear minus logarithmic tiles, paired by seed: {words}"
+    return Verdict("S3", claim, ruling(*better), because)
+
+
 STUDY = Study(
-    "infrared-world", __doc__, cases, function=measure_infrared, steps=100_000, minutes=4.0
+    "infrared-world",
+    __doc__,
+    cases,
+    function=measure_infrared,
+    steps=100_000,
+    minutes=4.0,
+    plots={"infrared_world": plot},
+    verdicts={"N5": counts_do_not_matter, "S3": logarithmic_tiles},
 )

@@ -4,8 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.lab.study import Case, Study
+from workbench.measures.comparisons import by_quantity
+from workbench.plots.comparisons import curve_panels
 from workbench.studies.conditions import (
+    GREEDY,
     LOGARITHMIC,
 )
 
@@ -21,4 +27,15 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-STUDY = Study("inner", __doc__, cases)
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw errors and losses against the width of the middle cell."""
+    x, panels = "inner_distance_mm", GREEDY | {"losses": "losses while learning"}
+    label = "half width of the middle cell in mm"
+    named = table.assign(spacing="logarithmic 9×9")
+    fig = curve_panels(
+        named, "spacing", x, panels, xlabel=label, size=(10.4, 3.6), even=False, legend=False
+    )
+    return fig, by_quantity(table, [x], panels)
+
+
+STUDY = Study("inner", __doc__, cases, plots={"inner_cell": plot})

@@ -17,9 +17,11 @@ speeds and bounds stay. Another seed in the same world is the same robots on ano
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from workbench import fields
 from workbench.arena.camera.config import CameraConfig
@@ -90,3 +92,28 @@ def emulated_world(
 def _changed(infrared: InfraredConfig, **changes: float) -> InfraredConfig:
     changed: InfraredConfig = fields.from_dict(InfraredConfig, fields.to_dict(infrared) | changes)
     return changed
+
+
+def judging_worlds(config: ConvoyConfig, numbers: Iterable[int]) -> pd.DataFrame:
+    """Return one line per judging world: what is different there."""
+    lines = []
+    for number in numbers:
+        world = emulated_world(config, number, family="judging")
+        body = world.body
+        infrared = world.infrared
+        camera = world.camera
+        lines.append(
+            {
+                "world": number,
+                "commands late (s)": body.delay / 10,
+                "slip": body.slip,
+                "missed readings": body.missed,
+                "gain spread": infrared.gain_spread,
+                "noise ×": infrared.noise,
+                "ambient (counts)": infrared.ambient_counts,
+                "picture": camera.conditions,
+                "camera latency (s)": camera.latency_s,
+                "markers missed": camera.dropout,
+            }
+        )
+    return pd.DataFrame(lines).set_index("world")

@@ -3,9 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.arena.tracks import TrackConfig
-from workbench.lab.study import Case, Study
-from workbench.lab.trial import Trial, measure_sections
+from workbench.lab.study import Case, Rows, Study
+from workbench.lab.trial import SECTIONS, Trial, measure_sections
+from workbench.measures.comparisons import by_condition, by_quantity
+from workbench.plots.comparisons import curves
 from workbench.studies.conditions import BASE
 
 
@@ -26,4 +31,42 @@ def cases() -> Sequence[Case]:
     ]
 
 
-STUDY = Study("reset", __doc__, cases, function=measure_sections)
+def held_out(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per trial: its losses while learning, the share of training (%) in the quarter
+    that a restart reaches last, and greedy losses per follower-hour there minus in the first.
+
+    The eight comes first: its colours agree in both panels of the plot.
+    """
+    keys = ["track", "reset", "steps", "seed"]
+    table = table.sort_values("track", ascending=False, kind="stable")
+    first, last = (table[table["section"] == k].set_index(keys) for k in (1, SECTIONS))
+    lost = "greedy_losses_per_hour"
+    whole = table[table["section"].isna()].set_index(keys)
+    return (
+        whole[["losses"]]
+        .assign(held_out=last[lost] - first[lost], training_percent_4=100 * last["training_share"])
+        .reset_index()
+    )
+
+
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw how much is trained in the held-out quarter, and what that costs on the eight."""
+    trials = held_out(table)
+    trials["case"] = trials["track"] + ", " + trials["reset"]
+    seen = by_condition(trials, ["case", "steps"], "training_percent_4")
+    lost = by_condition(trials[trials["track"] == "eight"], ["case", "steps"], "held_out")
+    fig = Figure(figsize=(10.4, 3.8), layout="constrained")
+    left, right = fig.subplots(1, 2)
+    share = "share of training in the held-out quarter in %"
+    rate = "greedy losses per follower-hour,\nquarter 4 − quarter 1"
+    label = "learning updates"
+    curves(seen, "steps", by="case", xlabel=label, ylabel=share, ax=left, even=True)
+    curves(lost, "steps", by="case", xlabel=label, ylabel=rate, ax=right, even=True)
+    left.axhline(25, color="#777777", linestyle=":", linewidth=0.8)
+    return fig, by_quantity(trials, ["track", "reset", "steps"], ["training_percent_4", "held_out"])
+
+
+ROWS = Rows(("section",), {(k,): f"{{}}_{k}" for k in range(1, SECTIONS + 1)})
+STUDY = Study(
+    "reset", __doc__, cases, function=measure_sections, rows=ROWS, plots={"reset_sections": plot}
+)

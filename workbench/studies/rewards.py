@@ -3,8 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.lab.study import Case, Study
-from workbench.studies.conditions import BASE, with_learner
+from workbench.measures.comparisons import by_quantity
+from workbench.plots.comparisons import dot_panels
+from workbench.studies.conditions import BASE, LOSSES_AND_GREEDY, with_learner
 
 
 def cases() -> Sequence[Case]:
@@ -33,4 +38,21 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-STUDY = Study("rewards", __doc__, cases)
+def cased(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with a column ``case``: reward, terminal reward and initial value."""
+    case = table["reward"] + ", terminal ×" + table["terminal_factor"].map("{:g}".format)
+    return table.assign(case=case + ", θ₀ " + table["theta0"].map("{:g}".format))
+
+
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw losses and errors by reward and initial value."""
+    named = cased(table)
+    fig = dot_panels(named, "case", LOSSES_AND_GREEDY, size=(11.0, 4.0))
+    for ax, ticks in ((fig.axes[0], (200, 1000, 5000)), (fig.axes[1], (5, 10, 40))):
+        ax.set_xscale("log")
+        ax.minorticks_off()
+        ax.set_xticks(ticks, [str(tick) for tick in ticks])
+    return fig, by_quantity(named, ["case"], LOSSES_AND_GREEDY)
+
+
+STUDY = Study("rewards", __doc__, cases, plots={"reward_presets": plot})

@@ -1,10 +1,11 @@
-"""Running studies: from a question to the table that answers it.
+"""Running studies: from a question to the table that answers it, and on to pictures and verdicts.
 
 ``run_study`` runs what is missing (on all cores, or on any executor), and writes one tidy table: a
-line per condition and seed, with a JSON file beside it that says what was run. Finished trials are
-kept in runs/.cache/, under the hash of their configuration and of everything that the measuring
-function imports, so that a study continues after a kill, studies share what they have in common,
-and an edit of what is measured runs it again.
+row per condition and seed, or several where a trial has the same numbers for every robot
+(``Rows``), with a JSON file beside it that says what was run. Finished trials are kept in
+runs/.cache/, under the hash of their configuration and of everything that the measuring function
+imports, so that a study continues after a kill, studies share what they have in common, and an edit
+of what is measured runs it again. ``draw`` and ``decide`` show what the published table says.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from IPython.display import Image
 
 from workbench import fields, paths, sources
 from workbench.formation.config import ConvoyConfig
@@ -24,8 +26,10 @@ from workbench.lab.storage import table_bytes, write_bytes, write_json
 from workbench.lab.study import Study
 from workbench.lab.sweeps import Failed, sweep
 from workbench.lab.trial import Trial
-
-FOLDER = paths.DATA / "studies"
+from workbench.measures.verdicts import Verdict
+from workbench.plots.figures import publish
+from workbench.plots.style import style
+from workbench.studies.published import FOLDER, load_study
 
 
 def _found() -> dict[str, Study]:
@@ -65,9 +69,7 @@ def run_study(
         ValueError: an unknown study.
         RuntimeError: trials failed; the others are stored, no table is written.
     """
-    if name not in STUDIES:
-        raise ValueError(f"study {name!r}; expected one of {', '.join(STUDIES)}")
-    study = STUDIES[name]
+    study = _study(name)
     seeds = (1, 2) if quick else range(1, study.seeds + 1)
     labels, trials = study.trials(seeds, quick=quick)
     place = store or paths.RUNS / ".cache" / f"trials-{sources.digest_of(study.function)}"
@@ -80,23 +82,53 @@ def run_study(
             f"study {name!r}: {len(failures)} of {len(trials)} trials failed; first: "
             f"{failures[0].error}"
         )
-    table = pd.DataFrame([label | result for label, result in zip(labels, results, strict=True)])
+    table = pd.DataFrame(
+        [
+            label | row
+            for label, result in zip(labels, results, strict=True)
+            for row in study.rows.of(result)
+        ]
+    )
     folder = out if out is not None else (None if quick else FOLDER)
     if folder is not None:
         _publish(study, table, trials, folder, quick=quick)
     return table
 
 
-def load_study(name: str) -> pd.DataFrame:
-    """Return the published table of a study.
+def draw(study: str, plot: str) -> Image:
+    """Draw a figure of a study from its published table, publish it, and return the picture.
 
     Raises:
-        FileNotFoundError: it has not been run yet.
+        ValueError: there is no such study or plot.
+        FileNotFoundError: the study has not been run yet.
     """
-    path = FOLDER / f"{name}.csv"
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist; run: python -m workbench study {name}")
-    return pd.read_csv(path).copy()  # in one piece: columns can be added without a warning
+    plots = _study(study).plots
+    with style():
+        figure, numbers = _named(plots, plot, f"study {study!r}: plot")(load_study(study))
+        return publish(figure, plot, numbers=numbers)
+
+
+def decide(study: str, claim: str) -> Verdict:
+    """Return what a study's published table says of a claim.
+
+    Raises:
+        ValueError: there is no such study, or it does not decide this claim.
+        FileNotFoundError: the study has not been run yet.
+    """
+    verdicts = _study(study).verdicts
+    found: Verdict = _named(verdicts, claim, f"study {study!r}: claim")(load_study(study))
+    return found
+
+
+def _study(name: str) -> Study:
+    found: Study = _named(STUDIES, name, "study")
+    return found
+
+
+def _named(things: Mapping[str, Any], name: str, kind: str) -> Any:
+    if name not in things:
+        raise ValueError(f"{kind} {name!r}; expected one of {', '.join(things) or 'none'}")
+    return things[name]
 
 
 def trials_digest(trials: Sequence[Trial], known: Sequence[str] | None = None) -> str:

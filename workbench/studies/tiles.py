@@ -3,9 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.formation.config import TILINGS
 from workbench.lab.study import Case, Study
-from workbench.studies.conditions import BASE, with_learner
+from workbench.measures.comparisons import by_condition, by_quantity, criterion_times
+from workbench.plots.comparisons import curve_panels, curves
+from workbench.studies.conditions import BASE, GREEDY, with_learner
 
 
 def cases() -> Sequence[Case]:
@@ -30,4 +35,60 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-STUDY = Study("tiles", __doc__, cases)
+ALONG = {"distance": "greedy_rms_distance_mm", "bearing": "greedy_bearing_std_deg"}
+
+
+def precision(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw greedy errors against the number of tiles along both dimensions."""
+    cases = table["spacing"] + ", θ₀ " + table["theta0"].map("{:g}".format)
+    both = table.assign(**{"spacing, θ₀": cases})[table["axis"] == "both"]
+    by, x = "spacing, θ₀", "tiles"
+    label = "tiles along each dimension"
+    fig = curve_panels(both, by, x, GREEDY, xlabel=label, size=(10.4, 3.9))
+    return fig, by_quantity(both, [by, x], GREEDY)
+
+
+def apart(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw the error of each dimension against the number of tiles along it alone."""
+    fig = Figure(figsize=(10.4, 3.9), layout="constrained")
+    numbers = []
+    for ax, (axis, value) in zip(fig.subplots(1, 2), ALONG.items(), strict=True):
+        summary = by_condition(table[table["axis"] == axis], ["spacing", "tiles"], value)
+        label, words = f"tiles along {axis}", GREEDY[value]
+        curves(summary, "tiles", by="spacing", xlabel=label, ylabel=words, ax=ax, even=True)
+        numbers.append(summary.assign(axis=axis))
+    return fig, pd.concat(numbers)
+
+
+def learning_times(table: pd.DataFrame) -> pd.DataFrame:
+    """Return thousand updates to the first block without loss, by spacing and number of tiles."""
+    whole = table[(table["axis"] == "both") & (table["theta0"] == -0.1)]
+    times = criterion_times(whole, ["spacing", "tiles"], "updates_to_lossfree", STUDY.steps)
+    times[["value", "low", "high"]] /= 1000
+    return times
+
+
+def learning_time(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw what more tiles cost: losses and time to learn, at θ₀ = −0.1."""
+    whole = table[(table["axis"] == "both") & (table["theta0"] == -0.1)]
+    times = learning_times(table)
+    losses = by_condition(whole, ["spacing", "tiles"], "losses")
+    fig = Figure(figsize=(10.4, 3.9), layout="constrained")
+    left, right = fig.subplots(1, 2)
+    label = "tiles along each dimension"
+    words = ("losses while learning", "thousand updates to the first block without loss")
+    curves(losses, "tiles", by="spacing", xlabel=label, ylabel=words[0], ax=left, even=True)
+    curves(times, "tiles", by="spacing", xlabel=label, ylabel=words[1], ax=right, even=True)
+    return fig, losses.merge(times, on=["spacing", "tiles"], suffixes=("_losses", "_time"))
+
+
+STUDY = Study(
+    "tiles",
+    __doc__,
+    cases,
+    plots={
+        "tiles_precision": precision,
+        "tiles_apart": apart,
+        "tiles_learning_time": learning_time,
+    },
+)

@@ -3,11 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import pandas as pd
+from matplotlib.figure import Figure
+
 from workbench.arena.tracks import TrackConfig
 from workbench.formation.body import BodyConfig
-from workbench.lab.study import Case, Study
+from workbench.lab.study import Case, Rows, Study
+from workbench.measures.comparisons import by_quantity
+from workbench.plots.comparisons import beside, dots, one_note
 from workbench.studies.conditions import BASE, OTHER
 from workbench.studies.transfer_trials import (
+    LATER,
     measure_warm,
 )
 
@@ -26,4 +32,52 @@ def cases() -> Sequence[Case]:
     return [({"task": name}, config) for name, config in tasks.items()]
 
 
-STUDY = Study("warm", __doc__, cases, minutes=10.0, function=measure_warm)
+SAVED = {
+    "losses_saved": "losses saved",
+    "updates_saved": "updates saved",
+    "error_saved_mm": "distance error saved (mm)",
+}
+
+
+def saved(table: pd.DataFrame) -> pd.DataFrame:
+    """Return, per quantity and task, what a cold start takes and a warm one saves.
+
+    A run that never was quiet counts with its whole length.
+    """
+    cold, warm = (table[table["start"] == s].reset_index(drop=True) for s in ("cold", "warm"))
+    settled = [part["updates_to_quiet"].fillna(LATER) for part in (cold, warm)]
+    trials = cold[["task", "seed"]].assign(
+        cold_learning_losses=cold["learning_losses"],
+        cold_settled=settled[0],
+        warm_settled=settled[1],
+        losses_saved=cold["learning_losses"] - warm["learning_losses"],
+        updates_saved=settled[0] - settled[1],
+        error_saved_mm=cold["rms_distance_mm"] - warm["rms_distance_mm"],
+    )
+    several = ["cold_learning_losses", "cold_settled", "warm_settled", *SAVED]
+    return by_quantity(trials, ["task"], several)
+
+
+def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw what a warm start saves, task by task."""
+    lines = saved(table)
+    fig = Figure(figsize=(9.6, 3.2), layout="constrained")
+    axes = fig.subplots(1, 3)
+    for ax, (value, words) in zip(axes, SAVED.items(), strict=True):
+        part = lines[lines["quantity"] == value]
+        dots(part, "task", xlabel=f"{words}, simulated", ax=ax, reference=0.0)
+    beside(axes)
+    one_note(axes)
+    return fig, lines
+
+
+ROWS = Rows(("start",), {("cold",): "cold_{}", ("warm",): "warm_{}"})
+STUDY = Study(
+    "warm",
+    __doc__,
+    cases,
+    minutes=10.0,
+    function=measure_warm,
+    rows=ROWS,
+    plots={"warm_starts": plot},
+)

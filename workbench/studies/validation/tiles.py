@@ -218,3 +218,15 @@ def _changes(
         names = ("model_first", "model_second", "real_first", "real_second")
         lines.append(dict(zip(names, (*cells[0], *cells[1]), strict=True)) | {"rows": count})
     return lines
+
+
+def in_the_right_tile(tiles: pd.DataFrame) -> pd.DataFrame:
+    """Return how many of the rows that the model sees inside the bounds lie in its tile, by
+    readings and model.
+
+    Args:
+        tiles: lines of data/validation/tiles.csv; the shares of their routes and tables are summed
+            up as lowest and highest.
+    """
+    share = tiles["share_same_tile"] * tiles["both_inside"] / tiles["model_inside"]
+    return share.groupby([tiles["readings"], tiles["model"]]).agg(["min", "max"])

@@ -1,4 +1,4 @@
-"""Tables and plots of weights that travel, on tables small enough to count by hand."""
+"""What studies say of weights that travel, on tables small enough to count by hand."""
 
 import numpy as np
 import pandas as pd
@@ -7,8 +7,19 @@ from matplotlib.figure import Figure
 
 import workbench as wb
 from workbench.plots import transfer as transfer_plots
-from workbench.studies import transfer_tables
-from workbench.studies.realities import emulated_world
+from workbench.studies import copies, delays, gap, transfer
+from workbench.studies.realities import emulated_world, judging_worlds
+from workbench.studies.validation.tiles import in_the_right_tile
+
+
+def _rows(study, lines, labels):
+    """Return the table of a study from a line of numbers per trial."""
+    rows = []
+    for line in lines:
+        numbers = {name: value for name, value in line.items() if name not in labels}
+        label = {name: line[name] for name in labels}
+        rows += [label | row for row in study.STUDY.rows.of(numbers)]
+    return pd.DataFrame(rows)
 
 
 def _transfer():
@@ -39,32 +50,32 @@ def _transfer():
 
 
 def test_drives_are_compared_with_nominal_weights_in_the_nominal_simulation():
-    table = transfer_tables.judged(_transfer())
+    table = transfer.judged(_transfer())
     late = table[table["delay"] == 3]
     assert (
         set(table["degradation"]) == {1.0, 4.0}
         and set(late["degradation"]) == {4.0}
         and set(late["commands"]) == {"late"}
     )
-    summary = transfer_tables.by_training(table)
+    summary = transfer.by_training(table)
     assert summary.loc[("camera", "9×9/7×7", "late", "nominal"), "mostly_inside"] == 0
     there = summary.loc[("camera", "9×9/7×7", "late", "there")]
     assert there["mostly_inside"] == 1 and there["losses"] == 7 and there["without_loss"] == 0
 
 
 def test_settling_is_of_the_world_that_was_learned_in():
-    table = transfer_tables.settled(_transfer())
+    table = transfer.settled(_transfer())
     emulated = table[table["where"] == "emulated"]
     assert set(emulated["turning_deg_s"]) == {20.0} and set(
         table.loc[table["where"] == "simulated", "rms_mm"]
     ) == {6.0}
-    more = transfer_tables.on_robot_against_simulation(_transfer(), "minutes", "9×9/7×7")
+    more = transfer.on_robot_against_simulation(_transfer(), "minutes", "9×9/7×7")
     whole = 200_000 / 4 * 0.1 / 60  # minutes; seed 2 never settled there and took 20 minutes here
     assert more["seeds"].tolist() == [3] and more["value"].tolist() == pytest.approx(
         [(whole - 20) / 3]
     )
     assert table["never"].sum() == 2
-    assert transfer_tables.on_robot_against_simulation(_transfer(), "turning_deg_s", "5×5/3×3")[
+    assert transfer.on_robot_against_simulation(_transfer(), "turning_deg_s", "5×5/3×3")[
         "value"
     ].tolist() == [5.0]
 
@@ -75,13 +86,10 @@ def test_copies_are_compared_by_geometric_means():
     for seed, (own, copied) in enumerate(errors):
         line = {"setting": "s", "robots": "alike", "seed": seed}
         for kind, value in (("own", own), ("copied", copied)):
-            line |= {
-                f"{kind}_{error}_{k}": value
-                for error in transfer_tables.ERRORS
-                for k in range(1, 5)
-            }
+            line |= {f"{kind}_{error}_{k}": value for error in copies.ERRORS for k in range(1, 5)}
         lines.append(line)
-    ratios = transfer_tables.copied_to_own(pd.DataFrame(lines), "copied")
+    table = _rows(copies, lines, ("setting", "robots", "seed"))
+    ratios = copies.copied_to_own(table, "copied")
     assert (
         len(ratios) == 8
         and np.allclose(ratios["value"], 1.0)
@@ -92,44 +100,40 @@ def test_copies_are_compared_by_geometric_means():
 
 def test_whose_weights_lost_whom_is_counted():
     line = {"setting": "s", "robots": "alike"}
-    for number, kind in enumerate(transfer_tables.WHOSE):
+    for number, kind in enumerate(copies.WHOSE):
         line |= {f"{kind}_losses_{k}": number * k for k in range(1, 5)} | {
             f"{kind}_rms_distance_mm_{k}": 1.0 * k for k in range(1, 5)
         }
-    copies = pd.DataFrame([line | {"seed": seed} for seed in (1, 2)])
-    assert transfer_tables.losses_by_weights(copies).loc["s"].tolist() == [0, 20, 40, 60]
-    places = transfer_tables.errors_in_line(copies, "s")
+    lines = [line | {"seed": seed} for seed in (1, 2)]
+    table = _rows(copies, lines, ("setting", "robots", "seed"))
+    assert copies.losses_by_weights(table).loc["s"].tolist() == [0, 20, 40, 60]
+    assert copies.runs_with_losses(table).loc["s"].tolist() == [0, 2, 2, 2]
+    places = copies.errors_in_line(table, "s")
     assert len(places) == 16 and places["value"].tolist() == places["follower"].tolist()
 
 
 def test_lateness_and_noise_are_levels():
-    delays = pd.DataFrame(
-        {"route": "camera", "table": "5×5/3×3", "seed": [1, 2], "nominal_rms_distance_mm": 5.0}
-    )
-    gap = pd.DataFrame({"route": "ir-raw", "training": "nominal", "seed": [1, 2]})
-    for k in range(4):
-        delays = delays.assign(
-            **{
-                f"delay_{k}_{n}": v
-                for n, v in (
-                    ("losses", [0, k]),
-                    ("share_inside", 1.0),
-                    ("rms_distance_mm", 5.0 * k),
-                )
-            }
-        )
-    for k in range(6):
-        gap[f"losses_noise_{k}"] = k
-        gap = gap.assign(
-            **{f"share_inside_noise_{k}": 1 - k / 10, f"rms_distance_mm_noise_{k}": 3.0}
-        )
-    late = transfer_tables.by_delay(delays)
+    late = [{"route": "camera", "table": "5×5/3×3", "seed": seed} for seed in (1, 2)]
+    noisy = [{"route": "ir-raw", "training": "nominal", "seed": seed} for seed in (1, 2)]
+    for line in late:
+        line["nominal_rms_distance_mm"] = 5.0
+        for k in range(4):
+            numbers = {"losses": k * (line["seed"] - 1), "share_inside": 1.0}
+            numbers["rms_distance_mm"] = 5.0 * k
+            line |= {f"delay_{k}_{name}": value for name, value in numbers.items()}
+    for line in noisy:
+        for k in range(6):
+            numbers = {"losses": k, "share_inside": 1 - k / 10, "rms_distance_mm": 3.0}
+            line |= {f"{name}_noise_{k}": value for name, value in numbers.items()}
+    delayed = _rows(delays, late, ("route", "table", "seed"))
+    louder = _rows(gap, noisy, ("route", "training", "seed"))
+    late = delays.by_delay(delayed)
     assert late[late["quantity"] == "degradation"]["value"].tolist() == [0, 1, 2, 3]
     assert set(late["late"]) == {0.0, 0.1, 0.2, 0.3} and set(late["case"]) == {"camera, 5×5/3×3"}
-    lost = transfer_tables.losses_by_delay(delays).loc[("camera", "5×5/3×3")]
+    lost = delays.losses_by_delay(delayed).loc[("camera", "5×5/3×3")]
     assert lost["losses"].tolist() == [0, 1, 2, 3] and lost["without_loss"].tolist() == [2, 1, 1, 1]
     assert lost["worst_degradation"].tolist() == [0, 1, 2, 3]
-    assert transfer_tables.losses_by_noise(gap).loc[("ir-raw", "nominal")].tolist() == [
+    assert gap.losses_by_noise(louder).loc[("ir-raw", "nominal")].tolist() == [
         0,
         2,
         4,
@@ -137,7 +141,7 @@ def test_lateness_and_noise_are_levels():
         8,
         10,
     ]
-    noisy = transfer_tables.by_noise(gap)
+    noisy = gap.by_noise(louder)
     assert noisy[noisy["quantity"] == "share_inside"]["value"].tolist() == pytest.approx(
         [1, 0.9, 0.8, 0.7, 0.6, 0.5]
     )
@@ -145,7 +149,7 @@ def test_lateness_and_noise_are_levels():
 
 def test_judging_worlds_are_told_as_they_are():
     config = wb.ConvoyConfig(sensing="camera")
-    table = transfer_tables.judging_worlds(config, range(1, 4))
+    table = judging_worlds(config, range(1, 4))
     world = emulated_world(config, 2, family="judging")
     assert (
         table.loc[2, "commands late (s)"] == world.body.delay / 10
@@ -175,7 +179,7 @@ def test_bars_of_agreement_fill_the_whole():
         }
     )
     tiles["model"] = "fitted"
-    right = transfer_tables.in_the_right_tile(pd.concat([tiles, tiles.assign(share_same_tile=0.0)]))
+    right = in_the_right_tile(pd.concat([tiles, tiles.assign(share_same_tile=0.0)]))
     np.testing.assert_allclose(right, [[0.0, 0.30], [0.0, 0.49]])
     ax = transfer_plots.agreement(tiles, Figure().subplots())
     widths = np.array([bar.get_width() for bar in ax.patches]).reshape(4, 2)
