@@ -339,7 +339,7 @@ def import_log(
     file: str, names: tuple[str, ...], units: tuple[str, ...], no_commands: bool, **kinds: Any
 ) -> Result:
     """Make a recording of anybody's own log, a CSV of any kind."""
-    from workbench.logs.tables import import_table
+    from workbench.logs.csv_import import import_table
 
     pairs = [dict(_pair(text) for text in texts) for texts in (names, units)]
     result = import_table(file, names=pairs[0], units=pairs[1], commands=not no_commands, **kinds)

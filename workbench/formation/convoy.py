@@ -34,6 +34,7 @@ from workbench.formation.body import draw_bodies
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.control import DIVERGED, Arrays, carry_out, carry_out_all, control_step
 from workbench.formation.follower import begin_episode
+from workbench.formation.initial_weights import first_weights
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.table import check_law
 from workbench.formation.own_reward import OwnReward, check_reward, trouble
@@ -44,7 +45,6 @@ from workbench.formation.senses.infrared import equip as fit_sensors
 from workbench.formation.senses.sense import EVERYBODY, FOLLOWERS, LEADER, Draw
 from workbench.formation.senses.table import SENSES
 from workbench.formation.streams import CHILDREN, children
-from workbench.formation.tables import first_weights
 from workbench.formation.task import fill_task
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace

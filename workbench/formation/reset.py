@@ -34,8 +34,14 @@ from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 
 RESET = np.dtype([("phase", "i8"), ("timer", "i8")])  # timer in control periods
-SEARCHING = np.dtype(  # steps/s; control periods of one turn; steps/s per rad; share of a bearing
-    [("speed", "i8"), ("periods", "i8"), ("deadbeat", "f8"), ("haste", "f8")]
+SEARCHING = np.dtype(
+    [
+        ("speed", "i8"),  # steps/s
+        ("periods", "i8"),  # control periods before it gives up
+        ("deadbeat", "f8"),  # steps/s per rad
+        ("haste", "f8"),  # share of a bearing
+        ("short_sighted", "i8"),
+    ]
 )
 
 FOLLOW, BACK_OFF, TURN, APPROACH, SEARCH, LOST = range(6)
@@ -78,9 +84,10 @@ def manoeuvre(task: Any, follower: Any, distance: float, bearing: float) -> tupl
     """Advance the state machine by one control period and return the wheel commands in steps/s.
 
     Args:
-        task: TASK record: ``bounds``; ``infrared.sees`` where the robot has only its own senses to
-            search with, see ``drive_on``; ``search.haste``, what share of a bearing it turns away
-            per control period: 1, less where its commands are known to come late; ``motors``.
+        task: TASK record: ``bounds``; ``search.short_sighted`` where the robot cannot find its
+            predecessor by turning round, see ``drive_on``; ``search.haste``, what share of a
+            bearing it turns away per control period: 1, less where its commands are known to come
+            late; ``motors``.
         follower: ROBOT record, whose ``reset`` is updated; phase FOLLOW means: start a new episode
             now.
         distance, bearing: of the predecessor, m and rad.
@@ -94,12 +101,10 @@ def manoeuvre(task: Any, follower: Any, distance: float, bearing: float) -> tupl
     if follower.reset.phase == LOST or follower.reset.phase == SEARCH:
         if seen:
             begin_reset(follower, distance, task.bounds.middle - half_range / 3)
-        elif follower.reset.phase == LOST or follower.reset.timer > (
-            DRIVE_ON_PERIODS if task.infrared.sees else task.search.periods
-        ):
+        elif follower.reset.phase == LOST or follower.reset.timer > task.search.periods:
             follower.reset.phase = LOST
             return 0, 0
-        elif task.infrared.sees:
+        elif task.search.short_sighted:
             return drive_on(task, follower.reset.timer, bearing)
         else:
             return -search, search
@@ -109,7 +114,7 @@ def manoeuvre(task: Any, follower: Any, distance: float, bearing: float) -> tupl
     if not seen or follower.reset.timer > TIME_OUT:
         follower.reset.phase = SEARCH
         follower.reset.timer = 0
-        if task.infrared.sees:
+        if task.search.short_sighted:
             return drive_on(task, 0, bearing)
         return -search, search
     away = -most if abs(bearing) < math.pi / 2 else most

@@ -23,12 +23,8 @@ from workbench.fields import choice, configuration, integer, part, real
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
-from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.l_psi import LPsi
-from workbench.formation.laws.leader_frame import LeaderFrame
-from workbench.formation.laws.path import PathReconstruction
-from workbench.formation.laws.pursuit import PurePursuit
-from workbench.formation.laws.table import Controller, quantised_carrot
+from workbench.formation.laws.table import LAWS, Controller, quantised_carrot
 from workbench.formation.reset import FOLLOW
 from workbench.lab.records import SUMS
 from workbench.lab.runs import Run, evaluate, learn
@@ -44,19 +40,15 @@ OTHER_TRACKS = {  # beside the circle that is learned on
 SECTIONS = 4  # equal parts of the loop, counted from where each robot started
 
 
-# Who drives the followers. "learner" learns first; "tractrix" is the ideal of rods that pull,
-# without any robot
-CONTROLLERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
+# Who drives the followers: a law by its name, or one of these. "learner" learns first; "tractrix"
+# is the ideal of rods that pull, without any robot
+_OTHERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
     "learner": None,
     "tractrix": None,
-    "carrot": lambda _: CarrotPI(),
-    "leader-frame": lambda _: LeaderFrame(),
-    "l-psi": lambda _: LPsi(),
     "l-psi, point half way": lambda config: LPsi(ahead_m=config.middle_m / 2),
-    "pursuit": lambda _: PurePursuit(),
-    "path": lambda _: PathReconstruction(),
     "quantised carrot": quantised_carrot,
 }
+CONTROLLERS = _OTHERS | {name: lambda _, law=law: law() for name, law in LAWS.items()}
 
 
 @configuration

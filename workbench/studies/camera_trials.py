@@ -24,8 +24,8 @@ from workbench.formation.policy import Policy
 from workbench.formation.senses.table import CAMERA
 from workbench.lab.runs import evaluate, learn
 from workbench.lab.trial import UNSEEN, Trial
+from workbench.measures.errors import summary, true_errors
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.studies.infrared_trials import true_errors
 
 PIXEL_MINUTES = 5.0
 
@@ -72,19 +72,9 @@ def followed(policy: Policy, config: ConvoyConfig, minutes: float) -> dict[str, 
         policy=policy.theta,
         threads=1,
     )
-    losses = 0
-    distances = []
-    bearings = []
-    for [steps] in convoy.steps():
-        losses += int(np.count_nonzero(steps["event"][:, 1:] & LOSS))
-        distance, bearing = true_errors(steps)
-        distances.append(distance)
-        bearings.append(bearing)
-    error = np.concatenate(distances) - config.middle_m
-    spread = float(np.concatenate(bearings).std())
-    rms = 1000 * math.sqrt(float(np.mean(error**2)))
-    return {
-        "losses": float(losses),
-        "rms_distance_mm": rms,
-        "bearing_std_deg": math.degrees(spread),
-    }
+    steps = convoy.whole()
+    distance, bearing = true_errors(steps)
+    everywhere = np.ones_like(distance, bool)
+    errors = summary(distance, bearing, everywhere, wanted_m=config.middle_m)
+    losses = float(np.count_nonzero(steps["event"][:, 1:] & LOSS))
+    return {"losses": losses} | {name: errors[name] for name in _NAMES[1:]}

@@ -11,19 +11,31 @@ from workbench.formation.config import SETTINGS
 from workbench.formation.laws.table import LAWS
 from workbench.lab.statistics import interval
 from workbench.lab.study import Case, Study, by_robot
-from workbench.lab.trial import CONTROLLERS, Trial
+from workbench.lab.trial import Trial
 from workbench.measures.comparisons import by_condition, difference
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.runs import intervals_by_case
 from workbench.studies.motion_trials import measure_motion
 from workbench.studies.published import formation, per_robot
 
+DRIVERS = (
+    "learner",
+    "tractrix",
+    "carrot",
+    "leader-frame",
+    "l-psi",
+    "l-psi, point half way",
+    "pursuit",
+    "path",
+    "quantised carrot",
+)
+
 
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     cases: list[Case] = []
     for noise, mm, degrees in (("none", 0.0, 0.0), ("2 mm, 2°", 2.0, 2.0)):
-        for controller in CONTROLLERS:
+        for controller in DRIVERS:
             if controller == "tractrix" and noise != "none":
                 continue  # it senses nothing
             for name in (

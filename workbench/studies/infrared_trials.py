@@ -28,6 +28,7 @@ from workbench.formation.reset import FOLLOW
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower
 from workbench.lab.trial import UNSEEN, Trial
+from workbench.measures.errors import summary, true_errors, within
 from workbench.robot.geometry import CONTROL_PERIOD
 
 WITHIN = round(10.0 / CONTROL_PERIOD)  # control periods in which a loss has to be over
@@ -56,42 +57,21 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
     inside = within(trial.config, distance, bearing)
     following = within(trial.config, *true_errors(steps)) & (steps["phase"][:, 1:] == FOLLOW)
     recovered, losses = recoveries(steps["event"][:, 1:], following)
-    error = distance[inside] - trial.config.middle_m
+    errors = summary(distance, bearing, inside, wanted_m=trial.config.middle_m)
     theta, _ = convoy.tables(0)
     alone = replace(trial.config, followers=1, seed=trial.config.seed + UNSEEN)
     return {
         "updates": float(convoy.updates[0]),
         "share_inside_last_third": float(inside.mean()),
         "share_inside_worst_follower": float(inside.mean(axis=0).min()),
-        "rms_distance_mm": 1000 * math.sqrt(float(np.mean(error**2))) if inside.any() else math.nan,
-        "bearing_std_deg": math.degrees(float(bearing[inside].std())) if inside.any() else math.nan,
+        "rms_distance_mm": errors["rms_distance_mm"],
+        "bearing_std_deg": errors["bearing_std_deg"],
         "losses": float(losses),
         "recovered_within_10_s": recovered / losses if losses else math.nan,
         "losses_last_third": float(np.count_nonzero(late["event"][:, 1:] & LOSS)),
         "gave_up": float(np.count_nonzero(steps["event"][:, 1:] & GAVE_UP)),
         "share_blinded": float(np.mean(steps["event"][:, 1:] & BLINDED != 0)),
     } | _held_up(alone, Policy.of(trial.config, theta[:1]), trial)
-
-
-def true_errors(steps: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return true distance in m and bearing in rad of every follower's predecessor, (periods,
-    followers), from PERIOD records.
-    """
-    x, y, heading = (steps[name].astype(float) for name in ("x", "y", "heading"))
-    dx, dy = x[:, :-1] - x[:, 1:], y[:, :-1] - y[:, 1:]
-    bearing = np.arctan2(dy, dx) - heading[:, 1:]
-    return np.hypot(dx, dy), (bearing + np.pi) % (2 * np.pi) - np.pi
-
-
-def within(
-    config: ConvoyConfig, distance: NDArray[np.float64], bearing: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Return whether distances and bearings lie inside a configuration's bounds."""
-    low, high = config.distance_m
-    inside: NDArray[np.bool_] = (
-        (distance >= low) & (distance < high) & (np.abs(bearing) < config.bearing_limit_rad)
-    )
-    return inside
 
 
 def recoveries(events: NDArray[np.int16], following: NDArray[np.bool_]) -> tuple[int, int]:

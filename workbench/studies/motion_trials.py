@@ -31,6 +31,7 @@ from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
 from workbench.lab.statistics import time_to_stable
 from workbench.lab.trial import CONTROLLERS, UNSEEN, Trial
+from workbench.measures.errors import summary
 from workbench.measures.judder import judder, tractrix_line
 from workbench.measures.motion import Motion, chatter, follow
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -147,8 +148,6 @@ def _followed(motion: Motion, wanted_m: float) -> dict[str, float]:
     """Return losses, collisions and true errors of a frozen drive."""
     distance, bearing = motion.errors()
     following = motion.following[:, 1:]
-    error = 1000 * (distance - wanted_m)
-    angle = np.degrees(bearing)
     result = {
         "following_losses": float(np.count_nonzero(following[:-1] & ~following[1:])),
         "following_share": float(following.mean()),
@@ -159,14 +158,9 @@ def _followed(motion: Motion, wanted_m: float) -> dict[str, float]:
         f"_{k + 1}": np.arange(following.shape[1]) == k for k in range(following.shape[1])
     }
     for name, part in parts.items():
-        chosen = following & part
-        some = bool(chosen.any())
-        result[f"following_rms_distance_mm{name}"] = (
-            math.sqrt(float(np.mean(error[chosen] ** 2))) if some else math.nan
-        )
-        result[f"following_bearing_std_deg{name}"] = (
-            float(angle[chosen].std()) if some else math.nan
-        )
+        errors = summary(distance, bearing, following & part, wanted_m=wanted_m)
+        for kind in ("rms_distance_mm", "bearing_std_deg"):
+            result[f"following_{kind}{name}"] = errors[kind]
     return result
 
 

@@ -28,9 +28,9 @@ from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.table import INFRARED
 from workbench.lab.trial import UNSEEN, Trial
+from workbench.measures.errors import summary, true_errors, within
 from workbench.measures.motion import Motion, chatter
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.studies.infrared_trials import true_errors, within
 from workbench.studies.realities import emulated_world
 
 TRAININGS = ("nominal", "delay known", "randomised", "there", "nominal, then there")
@@ -287,13 +287,10 @@ def _errors(config: ConvoyConfig, steps: NDArray[np.void], who: slice) -> dict[s
     at = steps[:, 1:][:, who]
     distance, bearing = (values[:, who] for values in true_errors(steps))
     inside = within(config, distance, bearing) & (at["phase"] == FOLLOW)
-    errors = {"rms_distance_mm": math.nan, "rms_bearing_deg": math.nan}
-    if inside.any():
-        errors["rms_distance_mm"] = 1000 * math.sqrt(
-            float(np.mean((distance[inside] - config.middle_m) ** 2))
-        )
-        errors["rms_bearing_deg"] = math.degrees(math.sqrt(float(np.mean(bearing[inside] ** 2))))
+    errors = summary(distance, bearing, inside, wanted_m=config.middle_m)
     return {
         "losses": float(np.count_nonzero(at["event"] & LOSS)),
         "share_inside": float(inside.mean()),
-    } | errors
+        "rms_distance_mm": errors["rms_distance_mm"],
+        "rms_bearing_deg": errors["rms_bearing_deg"],
+    }

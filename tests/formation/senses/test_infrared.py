@@ -19,10 +19,11 @@ from workbench.formation.simulated import SimulatedRobot, sense
 from workbench.formation.solo import SoloFollower, drive
 from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
+from workbench.measures.errors import true_errors, within
 from workbench.robot.infrared import SLOT, Circles, InfraredConfig, circles_light, saturate
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
-from workbench.studies.infrared_trials import recoveries, true_errors, within
+from workbench.studies.infrared_trials import recoveries
 
 # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers
 # late

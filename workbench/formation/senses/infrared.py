@@ -27,6 +27,7 @@ import numpy as np
 from workbench.compiled import compiled, uncompiled
 from workbench.formation.angles import wrap
 from workbench.formation.readings import raw_scales, reading_tilings
+from workbench.formation.reset import DRIVE_ON_PERIODS
 from workbench.formation.senses.sense import FOLLOWERS, Draw, Sense, Values
 from workbench.formation.streams import own_chance
 from workbench.learning.tiles import Tiling
@@ -80,7 +81,7 @@ INFRARED = np.dtype(
 )
 PERCEPTION = np.dtype(
     [
-        ("sees", "i8"),  # whether followers see by infrared
+        ("sees", "i8"),  # whether followers look with it
         ("radius", "f8"),  # what is looked at; sampling
         ("strength", "f8"),
         ("beacon", "i8"),
@@ -308,7 +309,7 @@ def fill(config: Any) -> Values:
         "raw_far": far,
         "raw_side": side,
     }
-    return {"infrared": fields}
+    return {"infrared": fields, "search": {"short_sighted": 1, "periods": DRIVE_ON_PERIODS}}
 
 
 def tilings(config: Any) -> tuple[Tiling, Tiling]:

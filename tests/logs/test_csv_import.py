@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from workbench.__main__ import main
+from workbench.logs.csv_import import import_table
 from workbench.logs.recordings import load_recording
-from workbench.logs.tables import import_table
 from workbench.robot.geometry import STEP
 
 GERMAN = "Zeit [ms];ps0;links [mm/s];rechts [mm/s]\n0;10,5;38,64;0\n100;11,5;0;38,64\n"
