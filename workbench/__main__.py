@@ -327,6 +327,50 @@ def hello(url: str, move: bool, yes: bool, out: str | None) -> Result:
     return hello(url, move=move, out=out)
 
 
+@verbs.command("calibrate-camera")
+@click.argument("folder", type=PLACE)
+@click.option("--board", type=int, nargs=2, default=(7, 5), help="Squares across and down (7 5).")
+@click.option("--square", type=float, required=True, help="Edge of a square in m, as printed.")
+@_option("--marker", type=float, help="Edge of its markers in m; without: a plain chessboard.")
+@click.option("--markers", default="4X4_50", help="Their dictionary (default 4X4_50).")
+@_option("--floor", help="Name of the picture in which the board lies on the floor.")
+@click.option("--out", type=PLACE, required=True, help="The .json to write.")
+def calibrate_camera(
+    folder: str,
+    board: tuple[int, int],
+    square: float,
+    markers: str,
+    out: str,
+    marker: float | None = None,
+    floor: str | None = None,
+) -> Result:
+    """Calibrate your own camera from pictures of a ChArUco board or chessboard."""
+    from workbench.arena.camera.calibrate import Board, calibrate
+    from workbench.lab.storage import write_json
+
+    printed = Board(*board, square_m=square, marker_m=marker, markers=markers)
+    found = calibrate(folder, printed, floor=floor)
+    write_json(Path(out), found)
+    if floor is None:
+        click.echo("lens only: with --floor PICTURE it can say where the camera hangs")
+    names = ("reprojection_px", "worst_picture", "pictures", "left_out", "position")
+    return {name: found[name] for name in names} | {"written": out}
+
+
+@verbs.command("find")
+@click.argument("source", type=PLACE)
+@click.option("--camera", type=PLACE, required=True, help="The .json of calibrate-camera.")
+@click.option("--robots", type=int, required=True, help="How many; robot i carries marker i.")
+@click.option("--marker", type=float, default=0.048, help="Edge of a marker in m (default 0.048).")
+@_option("--rate", type=float, help="Pictures per second (a video says it itself).")
+@click.option("--out", type=PLACE, required=True, help="The .csv; must be new.")
+def find_robots(source: str, camera: str, out: str, **kinds: Any) -> Result:
+    """Find robots in a folder of pictures or a video: their poses, picture by picture."""
+    from workbench.logs.found import find_robots
+
+    return find_robots(source, camera, out, **kinds)
+
+
 @verbs.command("import")
 @click.argument("file", type=PLACE)
 @_option("--robot", help="Which robot it was, in words.")

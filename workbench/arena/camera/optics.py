@@ -68,24 +68,22 @@ class Camera:
     Args:
         config: see CameraConfig.
         rng: draws the errors of the calibration; None for a calibration without error.
+        calibration: of a camera that exists, see ``calibrate``; of the configuration only sizes
+            count then.
     """
 
-    def __init__(self, config: CameraConfig, rng: np.random.Generator | None = None) -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        rng: np.random.Generator | None = None,
+        *,
+        calibration: Calibration | None = None,
+    ) -> None:
         self.config = config
-        focal = config.width_px * config.height_m / config.span_m
-        self.matrix = np.array(
-            [[focal, 0, config.width_px / 2], [0, focal, config.height_px / 2], [0, 0, 1.0]]
-        )
-        self.distortion = np.array([config.k1, -config.k1 / 5, 0.0, 0.0, 0.0])
-        tilt = math.radians(config.tilt_deg)
-        lean = np.array(
-            [[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]]
-        )
-        self.rotation: Floats = np.array([1.0, -1.0, -1.0]) * lean
-        self.position = np.array(
-            [0.0, config.height_m * math.tan(tilt), config.height_m]
-        )  # it looks at the middle
-        self.calibration = self.truth() if rng is None else self._calibrate(rng)
+        truth = _ideal(config) if calibration is None else calibration
+        self.matrix, self.distortion = truth.matrix, truth.distortion
+        self.rotation, self.position = truth.rotation, truth.position
+        self.calibration = truth if rng is None else self._calibrate(rng)
 
     def truth(self) -> Calibration:
         """Return the calibration that has no error."""
@@ -194,6 +192,21 @@ class Camera:
                 x, y, heading = self.pose_of(pixels[i, j])
                 table[:, i, j] = x - xs[j], y - ys[i], heading
         return table, np.array([x0, x1, y0, y1])
+
+
+def _ideal(config: CameraConfig) -> Calibration:
+    """Return the camera that a configuration describes; it looks at the middle of the arena."""
+    focal = config.width_px * config.height_m / config.span_m
+    matrix = np.array(
+        [[focal, 0, config.width_px / 2], [0, focal, config.height_px / 2], [0, 0, 1.0]]
+    )
+    distortion = np.array([config.k1, -config.k1 / 5, 0.0, 0.0, 0.0])
+    tilt = math.radians(config.tilt_deg)
+    lean = np.array(
+        [[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]]
+    )
+    position = np.array([0.0, config.height_m * math.tan(tilt), config.height_m])
+    return Calibration(matrix, distortion, np.array([1.0, -1.0, -1.0]) * lean, position)
 
 
 @lru_cache(maxsize=4)

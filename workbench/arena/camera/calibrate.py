@@ -1,0 +1,221 @@
+"""Calibrating one's own overhead camera from pictures of a board, and reading that calibration.
+
+Print a ChArUco board or a chessboard, take ten pictures or more of it in all parts of the view and
+at several tilts, and one of it lying flat on the floor where the robots drive. ``calibrate`` finds
+focal length and lens (``cv2.calibrateCamera``) and, from the picture on the floor, where the camera
+hangs; ``load_camera`` makes of that a ``Camera`` that a ``markers.Finder`` takes.
+
+The board on the floor is the world: its origin is the board's first corner (top left as printed),
+x along the top edge, y up the page, z up from the floor. The board's own thickness is neglected.
+
+>>> Board(7, 5, square_m=0.04, marker_m=0.03).corners
+24
+"""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arena.camera.config import CameraConfig
+from workbench.arena.camera.markers import pictures
+from workbench.arena.camera.optics import Calibration, Camera
+
+Floats = NDArray[np.float64]
+KIND = "workbench camera"
+FEWEST = 5  # pictures in which a board must be found
+_CORNERS = 6  # corners of the board that a picture must show
+_FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's boards: y down the page, z away from the camera
+
+
+@dataclass(frozen=True)
+class Board:
+    """A printed board: ``columns`` × ``rows`` squares of ``square_m``, with markers of ``marker_m``
+    in the white ones, or None for a plain chessboard.
+    """
+
+    columns: int
+    rows: int
+    square_m: float
+    marker_m: float | None = None
+    markers: str = "4X4_50"
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 3:
+            raise ValueError(
+                f"a board of {self.columns}×{self.rows} squares; expected 3 or more each way"
+            )
+        if not self.square_m > 0 or not math.isfinite(self.square_m):
+            raise ValueError(f"square_m = {self.square_m!r}; expected the edge of a square in m")
+        if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
+            raise ValueError(
+                f"marker_m = {self.marker_m!r}; expected less than a square's {self.square_m!r} m"
+            )
+        if not hasattr(cv2.aruco, f"DICT_{self.markers}"):
+            raise ValueError(
+                f"markers = {self.markers!r}; expected a dictionary such as 4X4_50 or 6X6_250"
+            )
+
+    @property
+    def corners(self) -> int:
+        """Corners between the squares."""
+        return (self.columns - 1) * (self.rows - 1)
+
+    def charuco(self) -> "cv2.aruco.CharucoBoard":
+        """Return OpenCV's board."""
+        assert self.marker_m is not None
+        markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{self.markers}"))
+        size = (self.columns, self.rows)
+        return cv2.aruco.CharucoBoard(size, self.square_m, self.marker_m, markers)
+
+    def find(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats] | None:
+        """Return the board's points (n, 3) in m and where they are in a picture (n, 2), None where
+        too little of it is seen.
+        """
+        if self.marker_m is None:
+            return self._find_chessboard(image)
+        board = self.charuco()
+        corners, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(image)
+        if numbers is None or len(numbers) < _CORNERS:
+            return None
+        # OpenCV's own types do not know that it takes its own answers
+        points, pixels = board.matchImagePoints(corners, numbers)  # type: ignore[call-overload]
+        return _plain(points, 3), _plain(pixels, 2)
+
+    def _find_chessboard(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats] | None:
+        inner = (self.columns - 1, self.rows - 1)
+        found, corners = cv2.findChessboardCornersSB(image, inner)
+        if not found:
+            return None
+        y, x = np.mgrid[1 : self.rows, 1 : self.columns] * self.square_m
+        points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+        return points, _plain(corners, 2)
+
+
+def calibrate(folder: str | Path, board: Board, *, floor: str | None = None) -> dict[str, Any]:
+    """Return what pictures of a board say of the camera that took them.
+
+    Args:
+        folder: of .png and .jpg pictures, all of one size.
+        board: that they show.
+        floor: name of the picture in which the board lies flat on the floor, None for a calibration
+            of the lens alone.
+
+    Returns:
+        kind, width_px, height_px, matrix (3×3), distortion (k1, k2, p1, p2, k3), focal_sd_px,
+        reprojection_px (RMS), worst_picture, pictures, left_out (names); rotation (3×3, world to
+        camera) and position (m), None without a picture on the floor.
+
+    Raises:
+        FileNotFoundError: no pictures.
+        ValueError: pictures of several sizes; the board is found in too few, or not on the floor.
+    """
+    seen: dict[str, tuple[Floats, Floats]] = {}
+    left_out = []
+    sizes: dict[tuple[int, ...], str] = {}
+    for name, image in pictures(folder):
+        sizes.setdefault(image.shape, name)
+        found = board.find(image)
+        if found is None:
+            left_out.append(name)
+        else:
+            seen[name] = found
+    _check(folder, board, seen, left_out, sizes, floor)
+    [(height, width)] = sizes
+    names = list(seen)
+    points, pixels = ([seen[name][k].astype(np.float32) for name in names] for k in (0, 1))
+    rms, matrix, distortion, turns, moves, deviations, _, each = cv2.calibrateCameraExtended(
+        points, pixels, (width, height), np.eye(3), np.zeros(5)
+    )
+    place: dict[str, Any] = {"rotation": None, "position": None}
+    if floor is not None:
+        at = names.index(floor)
+        rotation = np.asarray(cv2.Rodrigues(turns[at])[0], np.float64)
+        position = -(rotation @ _FLIP).T @ np.asarray(moves[at], np.float64).ravel()
+        place = {"rotation": (rotation @ _FLIP).tolist(), "position": position.tolist()}
+    return {
+        "kind": KIND,
+        "width_px": width,
+        "height_px": height,
+        "matrix": np.asarray(matrix, np.float64).tolist(),
+        "distortion": np.asarray(distortion, np.float64).ravel()[:5].tolist(),
+        "focal_sd_px": float(np.asarray(deviations).ravel()[0]),
+        "reprojection_px": float(rms),
+        "worst_picture": names[int(np.argmax(each))],
+        "pictures": len(names),
+        "left_out": left_out,
+        "board": {
+            "columns": board.columns,
+            "rows": board.rows,
+            "square_m": board.square_m,
+            "marker_m": board.marker_m,
+        },
+    } | place
+
+
+def load_camera(path: str | Path, *, marker_m: float) -> Camera:
+    """Return the camera that ``calibrate`` has described in a JSON file.
+
+    Args:
+        path: of the file.
+        marker_m: edge of the robots' markers.
+
+    Raises:
+        ValueError: another kind of file, or one that does not say where the camera hangs.
+    """
+    place = Path(path).expanduser()
+    try:
+        said = json.loads(place.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{place} is no JSON: {error}") from None
+    if not isinstance(said, dict) or said.get("kind") != KIND:
+        raise ValueError(f"{place} is no camera; write one: workbench calibrate-camera FOLDER")
+    if said["rotation"] is None:
+        raise ValueError(
+            f"{place} does not say where the camera hangs; calibrate again with --floor PICTURE, "
+            "the board lying on the floor"
+        )
+    matrix, distortion, rotation, position = (
+        np.array(said[name], np.float64)
+        for name in ("matrix", "distortion", "rotation", "position")
+    )
+    width, height, above = said["width_px"], said["height_px"], float(position[2])
+    config = CameraConfig(
+        width_px=width,
+        height_px=height,
+        height_m=above,
+        span_m=width * above / matrix[0, 0],
+        marker_m=marker_m,
+    )
+    return Camera(config, calibration=Calibration(matrix, distortion, rotation, position))
+
+
+def _plain(points: Any, columns: int) -> Floats:
+    return np.asarray(points, np.float64).reshape(-1, columns)
+
+
+def _check(
+    folder: str | Path,
+    board: Board,
+    seen: dict[str, Any],
+    left_out: list[str],
+    sizes: dict[tuple[int, ...], str],
+    floor: str | None,
+) -> None:
+    if len(sizes) > 1:
+        told = ", ".join(f"{name} {shape[1]}×{shape[0]}" for shape, name in sizes.items())
+        raise ValueError(f"pictures of several sizes: {told}; expected those of one camera")
+    what = f"{board.columns}×{board.rows} squares"
+    if len(seen) < FEWEST:
+        raise ValueError(
+            f"a board of {what} found in {len(seen)} of {len(seen) + len(left_out)} pictures of "
+            f"{folder}; expected {FEWEST} or more: is it the right board, whole and in focus?"
+        )
+    if floor is not None and floor not in seen:
+        known = "not one of the pictures" if floor not in left_out else "no board found in it"
+        raise ValueError(f"floor = {floor!r}: {known}; expected one of {', '.join(seen)}")
