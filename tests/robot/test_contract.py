@@ -87,7 +87,15 @@ def test_every_sensor_that_is_promised_reads_plain_finite_numbers_in_range(backe
         "accelerometer": 3,
         "selector": 1,
         "battery": 1,
+        "gyroscope": 3,
+        "magnetometer": 3,
+        "distance": 1,
+        "temperature": 1,
+        "button": 1,
+        "remote": 3,
+        "age": 1,
     }
+    called = {"light": "light_sensor", "floor": "floor_sensors", "distance": "distance_sensor"}
     promised = [sensor for sensor in SENSORS if sensor in backend.capabilities]
     assert {"proximity", "motor_speed"} <= set(promised)
     with backend:
@@ -96,11 +104,7 @@ def test_every_sensor_that_is_promised_reads_plain_finite_numbers_in_range(backe
         for _ in range(3):
             assert backend.step()
             for sensor in promised:
-                values = getattr(
-                    backend,
-                    f"get_{'light_sensor' if sensor == 'light' else sensor}"
-                    + "_sensors" * (sensor == "floor"),
-                )()
+                values = getattr(backend, f"get_{called.get(sensor, sensor)}")()
                 assert isinstance(values, tuple) and all(
                     isinstance(v, float) and math.isfinite(v) for v in values
                 )

@@ -54,6 +54,9 @@ GROUPS = {  # sensor: columns, unit, lowest and highest value
     "light": ([f"light{k}" for k in range(8)], "counts", 0, 4095),
     "floor": (["gs_left", "gs_centre", "gs_right"], "counts", 0, 4095),
     "motor_position": (["left_steps", "right_steps"], "motor steps", -(2**53), 2**53),
+    "gyroscope": (["gyro_x", "gyro_y", "gyro_z"], "counts", -(2**15), 2**15 - 1),
+    "distance": (["distance_mm"], "mm", 0, 2**16 - 1),
+    "age": (["age_s"], "s", 0, 10),
 }
 DONE = {  # what was done in a row: unit, lowest and highest value
     "left_command": ("steps/s", -1100, 1100),

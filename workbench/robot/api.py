@@ -64,6 +64,13 @@ SENSORS = (
     "selector",
     "battery",
     "microphone",
+    "gyroscope",
+    "magnetometer",
+    "distance",
+    "temperature",
+    "button",
+    "remote",
+    "age",
 )
 WRAP = 1 << 16
 # s by which a period may begin late before that counts: what a busy computer's timer is off

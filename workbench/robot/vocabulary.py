@@ -57,6 +57,36 @@ class Words(ABC):
         """Return the microphones' volumes."""
         return self.reading("microphone")
 
+    def get_gyroscope(self) -> tuple[float, ...]:
+        """Return the raw x, y, z of the gyroscope."""
+        return self.reading("gyroscope")
+
+    def get_magnetometer(self) -> tuple[float, ...]:
+        """Return x, y, z of the magnetometer in µT."""
+        return self.reading("magnetometer")
+
+    def get_distance_sensor(self) -> tuple[float, ...]:
+        """Return what the time-of-flight sensor in front measures, in mm."""
+        return self.reading("distance")
+
+    def get_temperature(self) -> tuple[float, ...]:
+        """Return the temperature of the motion sensor in whole °C."""
+        return self.reading("temperature")
+
+    def get_button(self) -> tuple[float, ...]:
+        """Return 1 while the button is pressed, 0 otherwise."""
+        return self.reading("button")
+
+    def get_remote(self) -> tuple[float, ...]:
+        """Return toggle bit, address and key of the last infrared remote command."""
+        return self.reading("remote")
+
+    def get_age(self) -> tuple[float, ...]:
+        """Return how old the readings were when they were taken, in s: the time since their packet
+        began to come in.
+        """
+        return self.reading("age")
+
     def get_selector(self) -> tuple[float, ...]:
         """Return the position of the selector switch."""
         return self.reading("selector")

@@ -41,13 +41,19 @@ RGB_ON = 100
 ENDS_ALL = bytes(COMMAND_BYTES)  # zeros complete half a packet, and begin none
 PLACES = {  # sensor: offset in the sensor bytes, struct code
     "accelerometer": (0, "<3h"),
+    "gyroscope": (18, "<3h"),
+    "magnetometer": (24, "<3f"),
+    "temperature": (36, "<b"),
     "proximity": (37, "<8H"),
     "light": (53, "<8H"),
+    "distance": (69, "<H"),
     "microphone": (71, "<4H"),
     "motor_position": (79, "<2h"),
     "battery": (83, "<H"),
+    "remote": (86, "<3B"),
     "selector": (89, "<B"),
     "floor": (90, "<3H"),
+    "button": (102, "<B"),
 }
 
 
@@ -116,6 +122,7 @@ class EPuck2Robot(Robot):
     """
 
     capabilities = frozenset(PLACES) | {
+        "age",
         "motor_speed",
         "drive",
         "calibrate",
@@ -148,6 +155,7 @@ class EPuck2Robot(Robot):
         self._link: Link | None = None
         self._connect = link or (self._open_guarded if guardian else self._open_socket)
         self._leds = [0] * 10  # LED1 to LED8, body, front
+        self._began = 0.0  # when the last frame began to come in
 
     def _open(self) -> None:
         self._link = self._connect()
@@ -220,6 +228,7 @@ class EPuck2Robot(Robot):
     def _frame(self, link: Link) -> tuple[int, bytes]:
         """Return the next frame: its first byte and its payload."""
         head = link.read(1)[0]
+        self._began = self.clock.now()
         if head not in SIZES:
             self._resynchronise(link)
             raise BadReply(f"expected a packet that begins with {sorted(SIZES)}, got {head}")
@@ -261,6 +270,7 @@ class EPuck2Robot(Robot):
             return {}
         found = parse_sensors(self._converse(self._packet(*self._speed, sensors=True)))
         found["motor_speed"] = (float(self._speed[0]), float(self._speed[1]))
+        found["age"] = (self.clock.now() - self._began,)
         return {sensor: found[sensor] for sensor in sensors}
 
     def _set_device(self, device: str, values: tuple[int, ...]) -> None:

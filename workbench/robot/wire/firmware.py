@@ -17,8 +17,10 @@ Contract: no threads, no clocks; ``lockstep`` lets a control period pass wheneve
 second time, otherwise whoever owns the body lets time pass. A firmware never raises on bytes.
 """
 
+import math
 import re
 import struct
+from collections.abc import Callable
 from typing import Protocol
 
 from workbench.robot.api import Robot
@@ -41,7 +43,15 @@ CALIBRATING = (
     b"k, Starting calibration - Remove any object in sensors range\r\n",
     b"k, Calibration finished\r\n",
 )
-_OPERANDS = {"D": 4, "P": 4, "L": 2, "w": 35}  # bytes after a binary command; others have none
+# bytes after a binary command; others have none. Writing over I2C is for Bluetooth only
+_OPERANDS = {"D": 4, "P": 4, "L": 2}
+_I2C_OPERANDS = {"w": 35, "W": 3}
+HELP = {  # what ``H`` lists; the last row is not there on the Overo
+    "ACEHKMNOQRSUVb": "reads or does it",
+    "DLP": "letter, then two numbers",
+    "BFGIJTWY": "with a radio only",
+}
+PICTURE = (1, 40, 40, 8, 3200)  # mode, width, height, zoom, bytes of a picture
 STOP_PACKETS = 2  # sensor packets that a driver asks for to make sure of a stop
 STREAM_S = 1 / 45  # s between two sensor packets of an e-puck2
 CALIBRATION_S = 2.0  # s in which it neither hears nor sends afterwards
@@ -66,9 +76,21 @@ class _Body:
         self._lockstep = lockstep
         self._seen = set[str]()
         self.held = False  # whether reading passes no time, in lockstep
-        robot.enable(
-            "proximity", "light", "floor", "motor_position", "accelerometer", "selector", "battery"
-        )
+        self._read: dict[str, Callable[[], tuple[float, ...]]] = {
+            "proximity": robot.get_proximity,
+            "light": robot.get_light_sensor,
+            "floor": robot.get_floor_sensors,
+            "motor_position": robot.get_motor_position,
+            "accelerometer": robot.get_accelerometer,
+            "gyroscope": robot.get_gyroscope,
+            "magnetometer": robot.get_magnetometer,
+            "distance": robot.get_distance_sensor,
+            "temperature": robot.get_temperature,
+            "selector": robot.get_selector,
+            "battery": robot.get_battery,
+        }
+        self.sensors = [name for name in self._read if name in robot.capabilities]
+        robot.enable(*self.sensors)
         self._awake = False
 
     def sensor(self, name: str) -> list[int]:
@@ -83,16 +105,7 @@ class _Body:
                 self.robot.step()
                 self._seen.clear()
             self._seen.add(name)
-        read = {
-            "proximity": self.robot.get_proximity,
-            "light": self.robot.get_light_sensor,
-            "floor": self.robot.get_floor_sensors,
-            "motor_position": self.robot.get_motor_position,
-            "accelerometer": self.robot.get_accelerometer,
-            "selector": self.robot.get_selector,
-            "battery": self.robot.get_battery,
-        }
-        return [int(value) for value in read[name]()]
+        return [int(value) for value in self._read[name]()]
 
     def live(self) -> None:
         """Let a control period pass."""
@@ -120,6 +133,7 @@ class SerComFirmware:
         self.variant = variant
         self._line = bytearray()
         self._chain = bytearray()
+        self._replies = bytearray()  # of the chain so far
         self._binary = False
         self._speed = (0, 0)
 
@@ -147,22 +161,24 @@ class SerComFirmware:
         return bytes(out)
 
     def _run_chain(self) -> bytes:
-        """Run what is complete of a binary chain; 0x00 ends it."""
-        out = b""
+        """Run what is complete of a binary chain; 0x00 ends it, and sends what it asked for."""
         while self._chain:
             if self._chain[0] == 0:
                 self._binary = False
                 rest = bytes(self._chain[1:])
                 self._chain.clear()
+                out = bytes(self._replies)
+                self._replies.clear()
                 return out + (self.feed(rest) if rest else b"")
             letter = chr(256 - self._chain[0])
-            size = _OPERANDS.get(letter, 0)
+            own = _I2C_OPERANDS if self.variant.lights else {}
+            size = (_OPERANDS | own).get(letter, 0)
             if len(self._chain) < 1 + size:
-                return out
+                return b""
             operands = bytes(self._chain[1 : 1 + size])
             del self._chain[: 1 + size]
-            out += self._run_binary(letter, operands)
-        return out
+            self._replies += self._run_binary(letter, operands)
+        return b""
 
     def _run_binary(self, letter: str, operands: bytes) -> bytes:
         if letter == "D":
@@ -171,6 +187,21 @@ class SerComFirmware:
         if letter == "P":
             self._body.robot.set_motor_position(*struct.unpack("<hh", operands))
             return b""
+        if letter == "L":
+            number, value = operands
+            if number in (8, 9):
+                self._light("BF"[number - 8], [value])
+            else:
+                self._body.robot.set_led(number, value)
+            return b""
+        if letter == "A":  # acceleration, orientation and inclination, as floats
+            return struct.pack("<3f", *self._spheric())
+        if letter == "I":
+            return struct.pack("<3B", *PICTURE[:3]) + bytes(PICTURE[-1]) if self._radio else b""
+        if letter == "U":  # the buffer of sound, and where in it is now
+            return bytes(601)
+        if letter in ("b", "t", "g", "u"):
+            return self._binary_only(letter)
         values = self._numbers(
             letter.upper() if letter == "a" else letter, self.variant.floor_binary
         )
@@ -179,6 +210,25 @@ class SerComFirmware:
             if values is None
             else struct.pack(f"<{len(values)}H", *(value & 0xFFFF for value in values))
         )
+
+    @property
+    def _radio(self) -> bool:
+        """Whether it talks over Bluetooth, with camera and I2C at hand; not so on the Overo."""
+        return self.variant.lights
+
+    def _binary_only(self, letter: str) -> bytes:
+        if letter == "t":
+            return bytes(1)
+        if letter == "b":
+            return struct.pack("<H", self._body.sensor("battery")[0])
+        return bytes(6)  # gyroscope, microphones
+
+    def _spheric(self) -> tuple[float, float, float]:
+        """Return length, orientation and inclination in degrees of the acceleration."""
+        x, y, z = self._body.sensor("accelerometer")
+        length = math.sqrt(x * x + y * y + z * z)
+        tilt = math.degrees(math.acos(z / length)) if length else 0.0
+        return length, math.degrees(math.atan2(y, x)), tilt
 
     def _numbers(self, letter: str, floor: int) -> list[int] | None:
         """Return the numbers of a reading, None if the command reads nothing."""
@@ -211,6 +261,10 @@ class SerComFirmware:
             return b"p\r\n"
         if letter == "T":
             return b"t\r\n"
+        if letter == "g":
+            return b"g,0,0,0\r\n"
+        if letter in tuple("GHIJWYZ"):
+            return self._rare(letter, numbers)
         if letter in ("L", "B", "F"):
             return self._light(letter, numbers)
         if letter == "S":
@@ -236,6 +290,24 @@ class SerComFirmware:
         if reading is None:
             return b"z,Command not found\r\n"
         return (",".join([letter.lower(), *map(str, reading)]) + "\r\n").encode()
+
+    def _rare(self, letter: str, numbers: list[int]) -> bytes:
+        """Answer help, remote, camera and I2C; all but help stay silent on the Overo."""
+        if letter == "H":
+            rows = list(HELP.items())[: 3 if self._radio else 2]
+            lines = [f'"{one}" {words}' for letters, words in rows for one in letters]
+            return ("\n" + "\r\n".join(lines) + "\r\n").encode()
+        if not self._radio:
+            return b""
+        first = ",".join(str(number) for number in (numbers + [0, 0])[:2])
+        return {
+            "G": b"g IR check : 0x0, address : 0x0, data : 0x0\r\n",
+            "I": ("i," + ",".join(map(str, PICTURE)) + "\r\n").encode(),
+            "J": b"j\r\n",
+            "W": b"w\r\n",
+            "Y": f"y,{first}\r\ny,0\r\n".encode(),
+            "Z": b"",
+        }[letter]
 
     def _light(self, letter: str, numbers: list[int]) -> bytes:
         robot = self._body.robot
@@ -324,11 +396,9 @@ class EPuck2Firmware:
         data = bytearray(SENSOR_BYTES)
         for sensor, (place, code) in PLACES.items():
             count = struct.calcsize(code) // struct.calcsize("<" + code[-1])
-            values = (
-                [0] * count
-                if sensor == "microphone"
-                else (self._body.sensor(sensor) + [0] * count)[:count]
-            )
+            values = [0] * count
+            if sensor in self._body.sensors:
+                values = (self._body.sensor(sensor) + values)[:count]
             if code[-1] == "h":
                 values = [_wrap16(value) for value in values]
             struct.pack_into(code, data, place, *values)
