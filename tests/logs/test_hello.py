@@ -28,6 +28,15 @@ def test_an_emulated_robot_passes_its_acceptance_test(protocol, tmp_path):
     assert stored["delay_s"] == report["delay_s"]
 
 
+def test_btcom_says_what_it_is_by_its_version_and_has_no_battery():
+    with Emulator(SimulatedRobot(CONFIG), "epuck1-bt") as emulator:
+        report = hello(emulator.url.replace("?variant=epuck1-bt", ""))
+    assert report["variant"] == "epuck1-bt: open_robot(…, variant='epuck1-bt')"
+    assert report["battery"] is None and "1.1.3" in report["version"]
+    with Emulator(SimulatedRobot(CONFIG), "epuck1") as emulator:
+        assert "variant" not in hello(emulator.url)
+
+
 def test_wheels_that_do_something_else_are_told():
     body = SimulatedRobot(CONFIG)
     told = body.set_motors_speed

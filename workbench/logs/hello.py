@@ -21,6 +21,8 @@ from workbench.robot.api import Robot
 from workbench.robot.faults import RobotError
 from workbench.robot.geometry import STEP, TRACK
 from workbench.robot.open import open_robot
+from workbench.robot.wire.epuck1 import SerComRobot
+from workbench.robot.wire.sercom import variant_of
 
 EXCHANGES = 50  # readings that delay and rate are measured on
 SPEED = 300  # steps/s
@@ -56,6 +58,9 @@ def hello(url: str, *, move: bool = False, out: str | Path | None = None) -> dic
     """
     with open_robot(url, guardian=True) as robot:
         report: dict[str, Any] = {"url": url, "version": robot.version}
+        kinds = _variant(robot)
+    with open_robot(url, guardian=True, **kinds) as robot:
+        report |= {name: f"{kind}: open_robot(…, {name}={kind!r})" for name, kind in kinds.items()}
         report |= _battery(robot) | _timing(robot)
         report["lights"] = _blink(robot)
         if move:
@@ -64,6 +69,14 @@ def hello(url: str, *, move: bool = False, out: str | Path | None = None) -> dic
         write_json(Path(out), report)
         report["written"] = str(out)
     return report
+
+
+def _variant(robot: Robot) -> dict[str, str]:
+    """Return which SerCom a robot speaks by its own word, where it was taken for another."""
+    if not isinstance(robot, SerComRobot):
+        return {}
+    right = variant_of(robot.version, variant=robot.variant.name)
+    return {} if right == robot.variant.name else {"variant": right}
 
 
 def _battery(robot: Robot) -> dict[str, Any]:

@@ -32,13 +32,14 @@ from workbench.robot.wire.epuck2 import (
     SENSOR_BYTES,
     SENSORS_PACKET,
 )
-from workbench.robot.wire.sercom import Variant
+from workbench.robot.wire.sercom import BTCOM, Variant
 
 WELCOME = (
     b"\x0c\x07WELCOME to the SerCom protocol on e-Puck\r\nthe EPFL education robot "
     b'type "H" for help\r\n'
 )
 VERSION = b"v,Version 1.2.2 August 2008 GCtronic\r\nHW version: emulated\r\n"
+BTCOM_VERSION = f"v,{BTCOM} September 2006\r\n".encode()
 CALIBRATING = (
     b"k, Starting calibration - Remove any object in sensors range\r\n",
     b"k, Calibration finished\r\n",
@@ -274,7 +275,7 @@ class SerComFirmware:
             self._body.robot.calibrate_proximity_sensors()
             return b"".join(CALIBRATING)
         if letter == "V":
-            return VERSION
+            return VERSION if self.variant.battery else BTCOM_VERSION
         if letter == "R":
             self._speed = self._body.drive(0, 0)
             return b"r\r\n" + WELCOME

@@ -57,6 +57,21 @@ VARIANTS = {
         "overo", 230400, 10, 0, 0, False
     ),  # selector 10: the I2C bus with the ground sensors belongs to Linux
 }
+BTCOM = "Version 1.1.3"  # by which BTcom names itself; it tells of no hardware
+
+
+def variant_of(version: str, *, variant: str) -> str:
+    """Return the variant that a robot is, by its answer to ``V``.
+
+    Args:
+        version: that answer.
+        variant: by which it was asked: what the answer does not tell is as it was.
+    """
+    if BTCOM in version:
+        return "epuck1-bt"
+    return "epuck1" if variant == "epuck1-bt" else variant
+
+
 READS = {  # sensor: letter, fields of a 16-bit reply (None: as the variant has), struct code
     "proximity": ("N", None, "H"),
     "light": ("O", None, "H"),
