@@ -23,7 +23,7 @@ from workbench.robot.faults import RobotError
 Result = dict[str, Any]
 
 # what bad input, a full disk or a diverging run raise: one line, no traceback
-ERRORS = (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError)
+ERRORS = (ValueError, TypeError, OSError, ArithmeticError, RuntimeError, MemoryError, ImportError)
 ROBOT_VERBS = ("emulate", "drive", "record", "hello")
 VALIDATIONS = {
     "drive": "workbench.studies.validation.drives:validate_drive",
@@ -382,7 +382,7 @@ def find_robots(source: str, camera: str, out: str, **kinds: Any) -> Result:
 def import_log(
     file: str, names: tuple[str, ...], units: tuple[str, ...], no_commands: bool, **kinds: Any
 ) -> Result:
-    """Make a recording of anybody's own log, a CSV of any kind."""
+    """Make a recording of anybody's own log, a CSV of any kind or a ROS 2 bag (MCAP)."""
     from workbench.logs.csv_import import import_table
 
     pairs = [dict(_pair(text) for text in texts) for texts in (names, units)]

@@ -1,4 +1,4 @@
-"""Anybody's own log, a CSV of any kind, as a recording.
+"""Anybody's own log, a CSV of any kind or a ROS 2 bag (``logs.bags``), as a recording.
 
     python -m workbench import mylog.csv --robot "e-puck2 4521" --map "Zeit [ms]=t_s"
 
@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from workbench.lab.storage import write_bytes, write_json
+from workbench.logs.bags import is_bag, read_bag
 from workbench.logs.recordings import DONE, GROUPS, POSES, SCHEMA, columns_text, unit_of
 from workbench.robot.geometry import STEP, WHEEL_RADIUS
 
@@ -86,7 +87,7 @@ def import_table(
     """
     place = Path(path).expanduser()
     said: list[str] = []
-    frame = _read(place, said)
+    frame = read_bag(place, said) if is_bag(place) else _read(place, said)
     found = _columns(list(frame.columns), dict(names or {}), said)
     if robot is None:
         raise ValueError(f'{place} does not say which robot it was; add --robot "e-puck2 4521"')
@@ -120,7 +121,7 @@ def import_table(
 def _read(place: Path, said: list[str]) -> pd.DataFrame:
     """Return the numbers of a log by the names in its header."""
     if not place.is_file():
-        raise FileNotFoundError(f"{place} does not exist; expected a CSV file")
+        raise FileNotFoundError(f"{place} does not exist; expected a CSV file or a ROS 2 bag")
     content = place.read_bytes()
     encoding = "utf-8-sig"
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
