@@ -115,18 +115,7 @@ def calibrate(folder: str | Path, board: Board, *, floor: str | None = None) -> 
         FileNotFoundError: no pictures.
         ValueError: pictures of several sizes; the board is found in too few, or not on the floor.
     """
-    seen: dict[str, tuple[Floats, Floats]] = {}
-    left_out = []
-    sizes: dict[tuple[int, ...], str] = {}
-    for name, image in pictures(folder):
-        sizes.setdefault(image.shape, name)
-        found = board.find(image)
-        if found is None:
-            left_out.append(name)
-        else:
-            seen[name] = found
-    _check(folder, board, seen, left_out, sizes, floor)
-    [(height, width)] = sizes
+    seen, left_out, (height, width) = _seen(folder, board, floor)
     names = list(seen)
     points, pixels = ([seen[name][k].astype(np.float32) for name in names] for k in (0, 1))
     rms, matrix, distortion, turns, moves, deviations, _, each = cv2.calibrateCameraExtended(
@@ -199,14 +188,20 @@ def _plain(points: Any, columns: int) -> Floats:
     return np.asarray(points, np.float64).reshape(-1, columns)
 
 
-def _check(
-    folder: str | Path,
-    board: Board,
-    seen: dict[str, Any],
-    left_out: list[str],
-    sizes: dict[tuple[int, ...], str],
-    floor: str | None,
-) -> None:
+def _seen(
+    folder: str | Path, board: Board, floor: str | None
+) -> tuple[dict[str, tuple[Floats, Floats]], list[str], tuple[int, ...]]:
+    """Return where the board is in which picture, pictures without it, and their size."""
+    seen: dict[str, tuple[Floats, Floats]] = {}
+    left_out = []
+    sizes: dict[tuple[int, ...], str] = {}
+    for name, image in pictures(folder):
+        sizes.setdefault(image.shape, name)
+        found = board.find(image)
+        if found is None:
+            left_out.append(name)
+        else:
+            seen[name] = found
     if len(sizes) > 1:
         told = ", ".join(f"{name} {shape[1]}×{shape[0]}" for shape, name in sizes.items())
         raise ValueError(f"pictures of several sizes: {told}; expected those of one camera")
@@ -219,3 +214,4 @@ def _check(
     if floor is not None and floor not in seen:
         known = "not one of the pictures" if floor not in left_out else "no board found in it"
         raise ValueError(f"floor = {floor!r}: {known}; expected one of {', '.join(seen)}")
+    return seen, left_out, next(iter(sizes))

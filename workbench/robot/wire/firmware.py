@@ -40,6 +40,7 @@ WELCOME = (
 )
 VERSION = b"v,Version 1.2.2 August 2008 GCtronic\r\nHW version: emulated\r\n"
 BTCOM_VERSION = f"v,{BTCOM} September 2006\r\n".encode()
+UNKNOWN = b"z,Command not found\r\n"
 CALIBRATING = (
     b"k, Starting calibration - Remove any object in sensors range\r\n",
     b"k, Calibration finished\r\n",
@@ -279,18 +280,21 @@ class SerComFirmware:
         if letter == "R":
             self._speed = self._body.drive(0, 0)
             return b"r\r\n" + WELCOME
+        return self._read(letter) if len(text) == 1 else UNKNOWN
+
+    def _read(self, letter: str) -> bytes:
+        """Answer a line that asks for a reading."""
         if letter in ("C", "b"):
-            values = self._body.sensor("selector" if letter == "C" else "battery")
-            return f"{letter.lower()},{values[0]}\r\n".encode()
-        if letter == "M" and not self.variant.floor_ascii:
+            values = self._body.sensor("selector" if letter == "C" else "battery")[:1]
+        elif letter == "M" and not self.variant.floor_ascii:
             return b""
-        if letter == "M" and self.variant.floor_ascii_garbled:
-            floor = self._numbers("M", self.variant.floor_ascii) or []
-            return (",".join(["m", *(str(_garbled(value)) for value in floor)]) + "\r\n").encode()
-        reading = self._numbers(letter, self.variant.floor_ascii) if len(text) == 1 else None
-        if reading is None:
-            return b"z,Command not found\r\n"
-        return (",".join([letter.lower(), *map(str, reading)]) + "\r\n").encode()
+        else:
+            found = self._numbers(letter, self.variant.floor_ascii)
+            if found is None:
+                return UNKNOWN
+            garbled = letter == "M" and self.variant.floor_ascii_garbled
+            values = [_garbled(value) for value in found] if garbled else found
+        return (",".join([letter.lower(), *map(str, values)]) + "\r\n").encode()
 
     def _rare(self, letter: str, numbers: list[int]) -> bytes:
         """Answer help, remote, camera and I2C; all but help stay silent on the Overo."""
