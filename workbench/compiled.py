@@ -187,3 +187,45 @@ def _call_at(typing_context: Any, address: Any, x: Any, y: Any) -> Any:
 
 
 call_at: Any = intrinsic(_call_at)  # numba passes the typing context; callers pass address, x, y
+
+
+def _step_at(typing_context: Any, address: Any, model: Any, data: Any) -> Any:
+    """Call the C function void(const void*, void*) at an address with two addresses."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer, pointer]).as_pointer()
+        function = builder.inttoptr(arguments[0], kind)
+        builder.call(function, [builder.inttoptr(one, pointer) for one in arguments[1:]])
+        return context.get_dummy_value()
+
+    return types.none(types.int64, types.int64, types.int64), generate
+
+
+def _place(builder: Any, address: Any, k: Any) -> Any:
+    """Return the pointer to the k-th float64 behind an address."""
+    return builder.gep(builder.inttoptr(address, ir.DoubleType().as_pointer()), [k])
+
+
+def _peek(typing_context: Any, address: Any, k: Any) -> Any:
+    """Return the k-th float64 behind an address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_place(builder, *arguments))
+
+    return types.float64(types.int64, types.int64), generate
+
+
+def _poke(typing_context: Any, address: Any, k: Any, value: Any) -> Any:
+    """Write the k-th float64 behind an address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.store(arguments[2], _place(builder, *arguments[:2]))
+        return context.get_dummy_value()
+
+    return types.none(types.int64, types.int64, types.float64), generate
+
+
+step_at: Any = intrinsic(_step_at)  # address of the function, of the model, of the data
+peek: Any = intrinsic(_peek)
+poke: Any = intrinsic(_poke)

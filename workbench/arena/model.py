@@ -28,12 +28,15 @@ def build_model(
     drive: str,
     furnish: Callable[[mujoco.MjSpec], None] | None = None,
     robot: RobotConfig = EPUCK,
+    *,
+    looks: bool = True,
 ) -> mujoco.MjModel:
     """Compile the model of a number of robots on an infinite floor; their bodies are robot0,
     robot1, ….
 
-    ``furnish`` may add walls, boxes and the like to the specification before it is compiled. Gaps
-    and offsets of robots other than the e-puck are scaled with the body's radius.
+    ``looks``: whether there is anything to see of them, which physics does not need. ``furnish``
+    may add walls, boxes and the like to the specification before it is compiled. Gaps and offsets
+    of robots other than the e-puck are scaled with the body's radius.
 
     Raises:
         ValueError: fewer than one robot or an unknown drive.
@@ -59,25 +62,25 @@ def build_model(
     for number in range(robots):
         body = spec.worldbody.add_body(name=f"robot{number}")
         fidelity.add(spec, body, body.name, robot)
-        _add_shell(body, number, fidelity.axle_m(robot), robot)
+        _add_bumper(body, fidelity.axle_m(robot), robot)
+        if looks:
+            _add_looks(body, number, fidelity.axle_m(robot), robot)
     if furnish is not None:
         furnish(spec)
     return spec.compile()
 
 
-def _add_shell(body: mujoco.MjsBody, number: int, axle: float, robot: RobotConfig) -> None:
-    """Add the collision sphere and the looks, with the axle at a height of the body frame."""
-    name = f"robot{number}"
+def _add_bumper(body: mujoco.MjsBody, axle: float, robot: RobotConfig) -> None:
+    """Add the collision sphere, with the axle at a height of the body frame."""
     add_sphere(
         body,
-        f"{name}/bumper",
+        f"{body.name}/bumper",
         robot.body_radius_m,
         [0, 0, axle],
         contype=BODY,
         conaffinity=BODY,
         condim=1,
     )
-    _add_looks(body, number, axle, robot)
 
 
 def _add_looks(body: mujoco.MjsBody, number: int, axle: float, robot: RobotConfig) -> None:

@@ -103,7 +103,7 @@ class World:
         threads: MuJoCo's threads; 0 takes one per formation, at most one per core.
 
     Attributes:
-        robot, drive: what the robots are, and how they are driven.
+        robot, drive, furnish: what the robots are, how they are driven, what else is there.
         model, batch: MuJoCo's own objects, open to every use.
         qpos, ctrl: live (B, nq) and (B, nu) views.
         states: live (B, nstate) rows that hold the whole physics.
@@ -124,6 +124,7 @@ class World:
     ) -> None:
         self.model = build_model(followers + 1, drive, furnish, robot)
         self.robot = robot
+        self.furnish = furnish
         self._motors = np.zeros(1, MOTORS)
         for name, value in motors_of(robot, drive).items():
             self._motors[name] = value

@@ -12,6 +12,7 @@ only where a flag says so.
 import math
 from typing import Any, NamedTuple
 
+from workbench.arena.engine import advance
 from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
@@ -45,6 +46,7 @@ class Arrays(NamedTuple):
         chance: (B, BLOCK, robots) CHANCE.
         block: (B, BLOCK, robots) PERIOD.
         sights: (B, robots, 4) of pictures; lens: (B, 3, n, n) systematic errors of the camera.
+        engines: (B,) ENGINE.
     """
 
     task: Any
@@ -61,6 +63,7 @@ class Arrays(NamedTuple):
     block: Any
     sights: Any
     lens: Any
+    engines: Any
 
 
 @compiled
@@ -72,24 +75,53 @@ def control_step(t: int, arrays: Any) -> int:
     for b in range(arrays.formations.size):
         if arrays.formations[b].done:
             continue
-        one = Arrays(
-            arrays.task,
-            arrays.qpos[b],
-            arrays.ctrl[b],
-            arrays.waiting[b],
-            arrays.floor[b],
-            arrays.formations,
-            arrays.robots[b],
-            arrays.weights[b],
-            arrays.trace_ids[b],
-            arrays.trace_values[b],
-            arrays.chance[b, t],
-            arrays.block[b, t],
-            arrays.sights[b],
-            arrays.lens[b],
-        )
-        flags |= _formation_step(one, b)
+        flags |= _formation_step(_of_one(arrays, b, t), b)
     return flags
+
+
+@compiled
+def run_formation(t: int, acted: bool, b: int, arrays: Any) -> tuple[int, int]:
+    """Do a formation's control periods from the t-th of the block on, physics included, up to the
+    end of the block or of the run, or up to where Python is needed: return that period and flags.
+
+    Args:
+        acted: whether period t is done but for its physics.
+    """
+    formation = arrays.formations[b]
+    engine = arrays.engines[b]
+    while t < arrays.block.shape[1] and not formation.done:
+        one = _of_one(arrays, b, t)
+        if not acted:
+            flags = _formation_step(one, b)
+            if flags & ~FINISHED:
+                return t, flags
+        acted = False
+        if not formation.done:
+            advance(engine, one.robots, one.qpos, one.ctrl, one.waiting)
+        t += 1
+    return t, 0
+
+
+@compiled
+def _of_one(arrays: Any, b: int, t: int) -> Any:
+    """Return what the t-th control period of one formation reads and writes."""
+    return Arrays(
+        arrays.task,
+        arrays.qpos[b],
+        arrays.ctrl[b],
+        arrays.waiting[b],
+        arrays.floor[b],
+        arrays.formations,
+        arrays.robots[b],
+        arrays.weights[b],
+        arrays.trace_ids[b],
+        arrays.trace_values[b],
+        arrays.chance[b, t],
+        arrays.block[b, t],
+        arrays.sights[b],
+        arrays.lens[b],
+        arrays.engines,
+    )
 
 
 @compiled

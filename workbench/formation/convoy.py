@@ -1,8 +1,9 @@
 """The convoy: joins world, leader, followers and learners, and yields blocks of step records.
 
 A convoy runs B formations side by side, one per seed, each with its own track, chance, weights and
-physics. Per control period one compiled call (``formation.control``) senses, acts and learns for
-every robot of every formation, and one call steps MuJoCo.
+physics. One compiled call per formation (``formation.control.run_formation``) does a whole block:
+every robot senses, acts and learns, and MuJoCo steps. With pictures, and for who drives a robot
+from outside, one compiled call per control period does it all but the physics.
 
 Chance: named generators of every formation's seed (``formation.streams``), drawn in advance for a
 whole block.
@@ -18,9 +19,11 @@ finished have phase -1. ``state`` between blocks is everything: ``load`` continu
 stopped.
 """
 
+import functools
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import mujoco
@@ -29,10 +32,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.camera.eyes import Eyes
+from workbench.arena.engine import ENGINE, Engine, address
 from workbench.arena.world import World
 from workbench.formation.body import draw_bodies
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.control import DIVERGED, Arrays, carry_out, carry_out_all, control_step
+from workbench.formation.control import (
+    DIVERGED,
+    Arrays,
+    carry_out,
+    carry_out_all,
+    control_step,
+    run_formation,
+)
 from workbench.formation.follower import begin_episode
 from workbench.formation.initial_weights import first_weights
 from workbench.formation.laws.law import ControlLaw
@@ -74,7 +85,7 @@ class Convoy:
         external: a robot that somebody else drives, period by period (``period``); 0 is the leader.
         furnish: adds walls and boxes to the world; robots bump into them, but only
             ``SimulatedRobot`` sees them.
-        threads: MuJoCo's threads, 0 for one per core.
+        threads: for the formations, 0 for one per core.
 
     Attributes:
         world: the physics, open to every use.
@@ -231,13 +242,32 @@ class Convoy:
             block=self._block,
             sights=self._sights,
             lens=self.lens,
+            engines=np.zeros(count, ENGINE),
         )
-        types = (numba.typeof(0), numba.typeof(self._arrays))
-        control_step.compile(types)
-        # the compiled function for exactly these types: numba's look-up at every call would cost as
-        # much as the call
-        overloads: Any = control_step.overloads
-        self._act_all = overloads[types].entry_point
+
+    # what a convoy runs by is compiled, and made, when it is first needed: whole blocks, or periods
+
+    @functools.cached_property
+    def _act_all(self) -> Any:
+        """The compiled control period of all formations, all but the physics."""
+        return _for_types(control_step, 0, self._arrays)
+
+    @functools.cached_property
+    def _run_formation(self) -> Any:
+        """The compiled block of one formation, physics included."""
+        return _for_types(run_formation, 0, False, 0, self._arrays)
+
+    @functools.cached_property
+    def _engine(self) -> Engine | None:
+        """The physics in compiled code; None with pictures, which need Python in every period, and
+        where MuJoCo cannot be called from there.
+        """
+        if self.eyes or not address():
+            return None
+        world = self.world
+        engine = Engine(world, late=self.config.delay_steps)
+        self._arrays.engines[:] = engine.records
+        return engine
 
     @property
     def updates(self) -> NDArray[np.int64]:
@@ -299,6 +329,43 @@ class Convoy:
         """
         self._draw()
         before = self.periods.copy()
+        engine = self._engine
+        if engine is not None:
+            self._run_formations(engine)
+        else:
+            self._run_periods()
+        for b, done in enumerate(self.periods - before):
+            self._block[b, done:] = _UNUSED
+            if done:  # a formation that has just finished took no step after its last commands
+                self.world.check(b, int(self.periods[b]) - int(self._formations["done"][b]))
+        return self._block
+
+    def _run_formations(self, physics: Engine) -> None:
+        """Run a block formation by formation, physics in compiled code, on as many threads as the
+        world has.
+        """
+        waiting = np.flatnonzero(self._formations["done"] == 0).tolist()
+        threads = min(self.world.threads, len(waiting))
+        if threads < 2:
+            for b in waiting:
+                self._run_one(physics, b)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(lambda b: self._run_one(physics, b), waiting))
+
+    def _run_one(self, physics: Engine, b: int) -> None:
+        """Run a block of one formation."""
+        physics.begin(b)
+        t, flags = self._run_formation(0, False, b, self._arrays)
+        while flags:
+            physics.end(b)
+            self._attend(flags, t, [b])
+            physics.begin(b)
+            t, flags = self._run_formation(t, True, b, self._arrays)
+        physics.end(b)
+
+    def _run_periods(self) -> None:
+        """Run a block period by period, all formations side by side."""
         act_all = self._act_all
         arrays = self._arrays
         substeps = self.world.substeps
@@ -311,7 +378,7 @@ class Convoy:
                 self.look()
             flags = act_all(t, arrays)
             if flags:
-                self._attend(flags, t)
+                self._attend(flags, t, range(len(self.seeds)))
                 running = self._running()
                 if self.finished:
                     break
@@ -320,11 +387,6 @@ class Convoy:
                 _release(ctrl, self._waiting, running)
             if substeps > delay:
                 step(running, nstep=substeps - delay)
-        for b, done in enumerate(self.periods - before):
-            self._block[b, done:] = _UNUSED
-            if done:  # a formation that has just finished took no step after its last commands
-                self.world.check(b, int(self.periods[b]) - int(self._formations["done"][b]))
-        return self._block
 
     def period(self, t: int) -> NDArray[np.void]:
         """Sense, act and learn once, without physics: for a convoy with an external robot;
@@ -342,7 +404,7 @@ class Convoy:
             self.look()
         flags = self._act_all(t % BLOCK, self._arrays)
         if flags:
-            self._attend(flags, t % BLOCK)
+            self._attend(flags, t % BLOCK, range(len(self.seeds)))
         steps: NDArray[np.void] = self._block[:, t % BLOCK]
         return steps
 
@@ -470,7 +532,8 @@ class Convoy:
         done = self._formations["done"]
         return np.flatnonzero(done == 0) if np.any(done) else None
 
-    def _attend(self, flags: int, t: int) -> None:
+    def _attend(self, flags: int, t: int, formations: Iterable[int]) -> None:
+        """Do what compiled code cannot, for some formations in period t of the block."""
         if flags & DIVERGED:
             if said := trouble(self.robots, self._owner):
                 raise ValueError(said)
@@ -488,7 +551,9 @@ class Convoy:
             raise FloatingPointError(
                 "a temporal-difference error is not finite; lower the step sizes"
             )
-        for b in np.flatnonzero(self._formations["restart"]).tolist():
+        for b in formations:
+            if not self._formations["restart"][b]:
+                continue
             self.world.restart(b)
             self._block[b, t]["left"] = self._block[b, t]["right"] = (
                 0  # at rest: these commands never ran
@@ -496,7 +561,16 @@ class Convoy:
             self.robots[b, 0]["ground"]["line_side"] = self._first_side
             self.robots[b, 0]["reset"]["timer"] = 0
             self.begin_again(b)
-        self._formations["restart"] = 0
+            self._formations["restart"][b] = 0
+
+
+def _for_types(function: Any, *arguments: Any) -> Any:
+    """Return a compiled function for exactly these arguments: numba's look-up at every call would
+    cost as much as a call.
+    """
+    types = tuple(numba.typeof(argument) for argument in arguments)
+    function.compile(types)
+    return function.overloads[types].entry_point
 
 
 def _check_length(steps: int, periods: int | None) -> None:

@@ -1,0 +1,185 @@
+"""MuJoCo from compiled code: ``mj_step`` by its address, so that a whole block of control periods
+needs no Python.
+
+A formation has an MjData of its own and two models: one without looks, for nothing but physics, and
+the same without contacts, for as long as no two robots can touch before the next look. What robots
+do is the same to the last bit as by ``mujoco.batch`` (a test compares), which remains for machines
+where the address is not found or does something else, and can be asked for by WORKBENCH_BATCH=1.
+
+MuJoCo's own stopwatches, which Python's binding switches on and which take a tenth of a planar
+step, are switched off: ``MjData.timer`` stays at zero in a process that uses this.
+
+Contract: between blocks a formation's state is its row of ``World.states``; ``begin`` takes it from
+there, ``end`` puts it back.
+"""
+
+import ctypes
+import functools
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from workbench.arena.model import build_model
+from workbench.arena.world import World
+from workbench.compiled import compiled, peek, poke, step_at
+from workbench.robot.description import EPUCK
+
+ENGINE = np.dtype(
+    [
+        ("step", "i8"),  # address of mj_step; 0: there is no engine
+        ("model", "i8"),  # addresses of what it takes
+        ("free", "i8"),
+        ("data", "i8"),
+        ("qpos", "i8"),  # of numbers in it, and how many there are
+        ("ctrl", "i8"),
+        ("nq", "i8"),
+        ("nu", "i8"),
+        ("substeps", "i8"),  # physics steps per control period
+        ("late", "i8"),  # those before the commands that waited take effect
+        ("near", "f8"),  # m between two centres below which robots may touch; inf: always
+    ]
+)
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_CLOSING = 0.035  # m that two e-pucks can close in by within a period, and some more
+
+
+@compiled
+def advance(engine: Any, robots: Any, qpos: Any, ctrl: Any, waiting: Any) -> None:
+    """Let a control period of physics pass.
+
+    Args:
+        engine: ENGINE record; robots: (robots,) ROBOT, their poses now.
+        qpos, ctrl, waiting: rows of ``control.Arrays``.
+    """
+    model = engine.model if _may_touch(robots, engine.near) else engine.free
+    for k in range(engine.nu):
+        poke(engine.ctrl, k, ctrl[k])
+    if engine.late:
+        for _ in range(engine.late):
+            step_at(engine.step, model, engine.data)
+        for k in range(engine.nu):
+            ctrl[k] = waiting[k]
+            poke(engine.ctrl, k, ctrl[k])
+    for _ in range(engine.substeps - engine.late):
+        step_at(engine.step, model, engine.data)
+    for k in range(engine.nq):
+        qpos[k] = peek(engine.qpos, k)
+
+
+@compiled
+def _may_touch(robots: Any, near: float) -> bool:
+    if near == math.inf:
+        return True
+    for i in range(1, robots.size):
+        for j in range(i):
+            dx = robots[i].pose.x - robots[j].pose.x
+            dy = robots[i].pose.y - robots[j].pose.y
+            if dx * dx + dy * dy < near * near:
+                return True
+    return False
+
+
+@compiled
+def _steps(step: int, model: int, data: int, count: int) -> None:
+    for _ in range(count):
+        step_at(step, model, data)
+
+
+@functools.cache
+def address() -> int:
+    """Return where ``mj_step`` is, 0 where it is not found or not what it should be."""
+    if os.environ.get("WORKBENCH_BATCH") == "1":
+        return 0
+    found = _library()
+    if found is None:
+        return 0
+    try:
+        where = ctypes.cast(found.mj_step, ctypes.c_void_p).value or 0
+        ctypes.c_void_p.in_dll(found, "mjcb_time").value = None  # MuJoCo's stopwatches
+    except (AttributeError, ValueError):
+        return 0
+    return where if where and _is_mj_step(where) else 0
+
+
+def _library() -> ctypes.CDLL | None:
+    """Return MuJoCo's own library, as Python's binding has loaded it."""
+    for folder in (Path(mujoco.__file__).parent, *map(Path, _core_folders())):
+        for path in sorted(folder.glob("libmujoco*")) + sorted(folder.glob("mujoco.dll")):
+            try:
+                return ctypes.CDLL(str(path))
+            except OSError:
+                continue
+    return None
+
+
+def _core_folders() -> list[str]:
+    """Return where the package with MuJoCo's library is, if that is one of its own."""
+    try:
+        import mujoco_core  # type: ignore[import-not-found]  # part of mujoco from 4.0 on
+    except ImportError:
+        return []
+    return [str(Path(mujoco_core.__file__).parent)]
+
+
+def _is_mj_step(where: int) -> bool:
+    """Return whether the function at an address does to a model what ``mujoco.mj_step`` does."""
+    model = build_model(2, "planar")
+    by_address, by_binding = mujoco.MjData(model), mujoco.MjData(model)
+    for data in (by_address, by_binding):
+        data.qpos[:] = 0.01, 0.0, 0.1, 0.06, 0.01, 0.0  # they touch
+        data.ctrl[:] = 0.05
+    mujoco.mj_step(model, by_binding, nstep=5)
+    _steps(where, model._address, by_address._address, 5)
+    same = np.array_equal(by_address.qpos, by_binding.qpos)
+    return bool(same and by_address.time == by_binding.time and by_address.ncon > 0)
+
+
+class Engine:
+    """The physics of B formations in compiled code.
+
+    Args:
+        world: whose formations they are.
+        late: physics steps of a control period before waiting commands take effect.
+
+    Attributes:
+        records: (B,) ENGINE.
+    """
+
+    def __init__(self, world: World, *, late: int) -> None:
+        robot = world.robot
+        self._states = world.states
+        self._ctrl = world.ctrl
+        what = (world.robots, world.drive.name, world.furnish, robot)
+        self._model = build_model(*what, looks=False)
+        self._free = build_model(*what, looks=False)
+        self._free.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        self._data = [mujoco.MjData(self._model) for _ in self._states]
+        assert mujoco.mj_stateSize(self._model, _STATE) == self._states.shape[1]
+        self.records = np.zeros(len(self._states), ENGINE)
+        always = world.drive.gravity or world.furnish is not None  # floor or walls are touched
+        closing = _CLOSING * robot.most_mps / EPUCK.most_mps
+        for record, data in zip(self.records, self._data, strict=True):
+            record["step"] = address()
+            record["model"] = self._model._address
+            record["free"] = self._free._address
+            record["data"] = data._address
+            record["qpos"] = data.qpos.ctypes.data
+            record["ctrl"] = data.ctrl.ctypes.data
+            record["nq"] = self._model.nq
+            record["nu"] = self._model.nu
+            record["substeps"] = world.substeps
+            record["late"] = late
+            record["near"] = math.inf if always else 2 * robot.body_radius_m + closing
+
+    def begin(self, formation: int) -> None:
+        """Take a formation's state from its row."""
+        mujoco.mj_setState(self._model, self._data[formation], self._states[formation], _STATE)
+
+    def end(self, formation: int) -> None:
+        """Put a formation's state into its row; commands that nobody has carried out stay."""
+        self._data[formation].ctrl[:] = self._ctrl[formation]
+        mujoco.mj_getState(self._model, self._data[formation], self._states[formation], _STATE)
