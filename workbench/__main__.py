@@ -348,12 +348,17 @@ def calibrate_camera(
     from workbench.arena.camera.calibrate import Board, calibrate
     from workbench.lab.storage import write_json
 
+    target = Path(out)
+    if target.suffix != ".json" or target.exists():
+        raise ValueError(f"--out {out}: expected a new name that ends in .json")
+    target.parent.mkdir(parents=True, exist_ok=True)
     printed = Board(*board, square_m=square, marker_m=marker, markers=markers)
     found = calibrate(folder, printed, floor=floor)
-    write_json(Path(out), found)
+    write_json(target, found)
     if floor is None:
         click.echo("lens only: with --floor PICTURE it can say where the camera hangs")
-    names = ("reprojection_px", "worst_picture", "pictures", "left_out", "position")
+    names = ["focal_px", "focal_sd_px", "reprojection_px", "worst_picture", "pictures"]
+    names += ["left_out", "position"]
     return {name: found[name] for name in names} | {"written": out}
 
 

@@ -3,6 +3,7 @@
 import builtins
 import math
 
+import numpy as np
 import pytest
 
 from workbench.logs.bags import read_bag
@@ -121,7 +122,7 @@ def test_the_folder_of_a_bag_is_one_too_and_joints_and_ranges_have_names(tmp_pat
 
 def test_what_is_no_bag_or_has_nothing_known_is_refused(tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"not a bag at all")
-    with pytest.raises(ValueError, match="is no MCAP file, or is cut off"):
+    with pytest.raises(ValueError, match="is no MCAP file, or is damaged"):
         import_table(tmp_path / "no.mcap", robot="one")
     words = [(0.0, "/rosout", "std_msgs/msg/String", {"data": "hello"})]
     bag = _bag(tmp_path / "words.mcap", words)
@@ -129,11 +130,11 @@ def test_what_is_no_bag_or_has_nothing_known_is_refused(tmp_path):
         import_table(bag, robot="one")
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "metadata.yaml").write_text("")
-    with pytest.raises(ValueError, match="convert it: ros2 bag convert"):
+    with pytest.raises(ValueError, match="has to be converted: ros2 bag convert"):
         import_table(tmp_path / "old", robot="one")
     whole = _bag(tmp_path / "whole.mcap", _drive()).read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match="cut off"):
+    with pytest.raises(ValueError, match="is damaged"):
         read_bag(tmp_path / "cut.mcap", [])
 
 
@@ -149,3 +150,63 @@ def test_without_the_packages_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(ImportError, match="pip install mcap mcap-ros2-support"):
         read_bag(bag, [])
+
+
+def test_a_beam_without_a_number_costs_no_row_of_what_is_asked_for(tmp_path):
+    messages = list(_drive())
+    for k in range(20):
+        scan = {"ranges": [math.nan, 0.5]}
+        messages.append((1_700_000_000.0 + 0.1 * k, "/scan", "sensor_msgs/msg/LaserScan", scan))
+    bag = _bag(tmp_path / "scan.mcap", sorted(messages, key=lambda message: message[0]))
+    assert import_table(bag, robot="one")["rows"] == 18
+
+
+def test_a_topic_in_another_encoding_is_left_out(tmp_path):
+    writing = pytest.importorskip("mcap_ros2.writer")
+    with open(tmp_path / "mixed.mcap", "wb") as file:
+        writer = writing.Writer(file)
+        schema = writer.register_msgdef("nav_msgs/msg/Odometry", TYPES["nav_msgs/msg/Odometry"])
+        raw = writer._writer
+        json = raw.register_schema(name="Words", encoding="jsonschema", data=b"{}")
+        words = raw.register_channel(topic="/words", message_encoding="json", schema_id=json)
+        for k in range(3):
+            at = k * 10**8
+            writer.write_message("/odom", schema, _odometry(0.1 * k, 0.0), at, at)
+            raw.add_message(words, log_time=at, data=b"{}", publish_time=at)
+        writer.finish()
+    said = []
+    assert len(read_bag(tmp_path / "mixed.mcap", said)) == 3
+    assert "topics left out: /words" in said[0]
+
+
+def test_headings_are_of_any_length_of_quaternion_and_of_none_for_none(tmp_path):
+    half = {"x": 0.0, "y": 0.0, "z": 0.5 * math.sin(0.5), "w": 0.5 * math.cos(0.5)}
+    rows = []
+    for k, turn in enumerate((half, dict.fromkeys("xyzw", 0.0))):
+        message = _odometry(0.0, 0.0)
+        message["pose"]["pose"]["orientation"] = turn
+        rows.append((0.1 * k, "/odom", "nav_msgs/msg/Odometry", message))
+    frame = read_bag(_bag(tmp_path / "turn.mcap", rows), [])
+    assert frame["heading [rad]"].iloc[0] == pytest.approx(1.0)
+    assert math.isnan(frame["heading [rad]"].iloc[1])
+    with pytest.raises(ValueError, match="row 2: no number for heading_rad; cut the row out"):
+        import_table(tmp_path / "turn.mcap", robot="one", commands=False)
+
+
+def test_times_that_stand_still_and_damaged_bytes_are_refused_in_one_sentence(tmp_path):
+    twice = [(0.0, "/odom", "nav_msgs/msg/Odometry", _odometry(0.1 * k, 0.0)) for k in range(2)]
+    bag = _bag(tmp_path / "twice.mcap", twice)
+    with pytest.raises(ValueError, match="row 2: time does not advance; cut the row out"):
+        import_table(bag, robot="one", commands=False)
+    whole = bytearray(_bag(tmp_path / "whole.mcap", _drive()).read_bytes())
+    rng = np.random.default_rng(1)
+    for number in range(60):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(whole), 5):
+            damaged[place] = rng.integers(0, 256)
+        path = tmp_path / f"{number}.mcap"
+        path.write_bytes(damaged)
+        try:
+            read_bag(path, [])
+        except ValueError as error:
+            assert "mcap" in str(error).lower()

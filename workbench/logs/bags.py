@@ -20,7 +20,7 @@ from workbench.robot.geometry import TRACK
 
 def is_bag(place: Path) -> bool:
     """Return whether a path is a bag: an .mcap file, or the folder of one."""
-    return place.suffix == ".mcap" or (place / "metadata.yaml").is_file()
+    return place.suffix.lower() == ".mcap" or place.is_dir()
 
 
 def read_bag(place: Path, said: list[str]) -> pd.DataFrame:
@@ -44,7 +44,7 @@ def read_bag(place: Path, said: list[str]) -> pd.DataFrame:
                 others[topic] = kind
                 continue
             kinds[topic] = kind
-            row = {"time [s]": (time_ns - begin) * 1e-9} | _COLUMNS[kind](message)
+            row = {"time [s]": (time_ns - begin) * 1e-9} | _columns(topic, kind, message)
             topics.setdefault(topic, []).append(row)
     if not topics:
         known = ", ".join(_COLUMNS)
@@ -70,10 +70,11 @@ def _together(
         tables[topic] = table
     lead, *rest = names
     whole = tables[lead]
+    begun = max(table["time [s]"].iloc[0] for table in tables.values())
     for topic in rest:
         whole = pd.merge_asof(whole, tables[topic], on="time [s]")
     said.append(f"rows are the messages of {lead} ({kinds[lead]})")
-    complete = whole.dropna(axis=0).reset_index(drop=True)
+    complete = whole[whole["time [s]"] >= begun].reset_index(drop=True)
     early = len(whole) - len(complete)
     if complete.empty:
         raise ValueError(f"no moment at which all of {', '.join(names)} have sent something")
@@ -88,7 +89,8 @@ def _files(place: Path) -> list[Path]:
     found = sorted(place.glob("*.mcap"))
     if not found:
         raise ValueError(
-            f"{place} is a bag without .mcap files; convert it: ros2 bag convert, storage_id mcap"
+            f"{place} is a folder without .mcap files; a bag of another kind has to be converted: "
+            "ros2 bag convert, storage_id mcap"
         )
     return found
 
@@ -96,7 +98,6 @@ def _files(place: Path) -> list[Path]:
 def _messages(file: Path) -> Any:
     """Yield topic, type, time in ns and message of everything in a file."""
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
@@ -105,19 +106,33 @@ def _messages(file: Path) -> Any:
         ) from error
     try:
         with open(file, "rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            for schema, channel, message, decoded in reader.iter_decoded_messages():
+            factory = DecoderFactory()
+            for schema, channel, message in make_reader(stream).iter_messages():
                 kind = schema.name if schema is not None else ""
-                yield channel.topic, kind, message.log_time, decoded
-    except McapError as error:
-        raise ValueError(f"{file} is no MCAP file, or is cut off: {error}") from error
+                decoder = factory.decoder_for(channel.message_encoding, schema)
+                decoded = decoder(message.data) if decoder and kind in _COLUMNS else None
+                yield channel.topic, kind if decoder else "", message.log_time, decoded
+    except Exception as error:  # a damaged file: decoders raise whatever they stumble over
+        raise ValueError(
+            f"{file} is no MCAP file, or is damaged: {type(error).__name__} {error}; "
+            "mcap recover may mend it"
+        ) from error
+
+
+def _columns(topic: str, kind: str, message: Any) -> dict[str, float]:
+    try:
+        return _COLUMNS[kind](message)
+    except AttributeError as error:
+        raise ValueError(f"{topic}: {kind} has not the fields of that type: {error}") from None
 
 
 def _odometry(message: Any) -> dict[str, float]:
     at, turn = message.pose.pose.position, message.pose.pose.orientation
-    heading = math.atan2(
-        2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y * turn.y + turn.z * turn.z)
-    )
+    length = turn.w**2 + turn.x**2 + turn.y**2 + turn.z**2
+    heading = math.nan  # of a quaternion that was never set
+    if length > 0:
+        ahead = length - 2 * (turn.y**2 + turn.z**2)
+        heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), ahead)
     return {"x [m]": at.x, "y [m]": at.y, "heading [rad]": heading}
 
 

@@ -254,6 +254,9 @@ def _write(
         )
     content = columns_text(table).encode()
     intervals = np.diff(table["t_s"])
+    if np.any(intervals <= 0):
+        row = int(np.argmax(intervals <= 0)) + 2
+        raise ValueError(f"{source}, row {row}: time does not advance; cut the row out")
     write_bytes(target, content)
     write_json(
         side,

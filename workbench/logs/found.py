@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from workbench.arena.camera.calibrate import load_camera
-from workbench.arena.camera.markers import Finder, pictures
+from workbench.arena.camera.markers import Finder, check_name, is_picture, pictures
 from workbench.arena.camera.tracker import TRACK, follow_marker
 from workbench.lab.storage import write_json, write_table
 
@@ -54,6 +54,8 @@ def find_robots(
     """
     target = Path(out).expanduser()
     side = target.with_suffix(".json")
+    if target.suffix != ".csv":
+        raise ValueError(f"out = {str(out)!r}; expected a name that ends in .csv")
     if target.exists() or side.exists():
         raise FileExistsError(f"{target} or its .json exists already; add --out NAME.csv")
     if robots < 1:
@@ -118,6 +120,9 @@ def _pictures(place: Path, rate: float | None) -> tuple[Iterator[NDArray[np.uint
         return (image for _, image in pictures(place)), rate
     if not place.is_file():
         raise FileNotFoundError(f"{place} is no folder and no video")
+    if is_picture(place):
+        raise ValueError(f"{place} is one picture; give the folder of all")
+    check_name(place)
     video = cv2.VideoCapture(str(place))
     if not video.isOpened():
         kinds = ", ".join(VIDEOS)
@@ -125,14 +130,23 @@ def _pictures(place: Path, rate: float | None) -> tuple[Iterator[NDArray[np.uint
     own = rate or float(video.get(cv2.CAP_PROP_FPS))
     if not own > 0:
         raise ValueError(f"{place} does not say its rate; add --rate, the pictures per second")
-    return _frames(video), own
+    return _frames(video, place), own
 
 
-def _frames(video: "cv2.VideoCapture") -> Iterator[NDArray[np.uint8]]:
+def _frames(video: "cv2.VideoCapture", place: Path) -> Iterator[NDArray[np.uint8]]:
+    """Yield the pictures of a video; refuse one that has lost some, whose times would be wrong."""
+    promised = round(video.get(cv2.CAP_PROP_FRAME_COUNT))
+    count = 0
     while True:
         going, image = video.read()
         if not going:
             video.release()
+            if not count or count < promised - 1:
+                raise ValueError(
+                    f"{place}: {count} of {promised} pictures could be read; repair it, or make "
+                    "pictures of it and give their folder"
+                )
             return
+        count += 1
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         yield np.asarray(grey, np.uint8)

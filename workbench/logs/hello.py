@@ -59,16 +59,22 @@ def hello(url: str, *, move: bool = False, out: str | Path | None = None) -> dic
     with open_robot(url, guardian=True) as robot:
         report: dict[str, Any] = {"url": url, "version": robot.version}
         kinds = _variant(robot)
-    with open_robot(url, guardian=True, **kinds) as robot:
+        if not kinds:
+            report |= _meet(robot, move)
+    if kinds:  # it was taken for another
         report |= {name: f"{kind}: open_robot(…, {name}={kind!r})" for name, kind in kinds.items()}
-        report |= _battery(robot) | _timing(robot)
-        report["lights"] = _blink(robot)
-        if move:
-            report |= _drive(robot)
+        with open_robot(url, guardian=True, **kinds) as robot:
+            report |= _meet(robot, move)
     if out is not None:
         write_json(Path(out), report)
         report["written"] = str(out)
     return report
+
+
+def _meet(robot: Robot, move: bool) -> dict[str, Any]:
+    """Return battery, times and lights of a robot, and what its wheels did if they may move."""
+    found = _battery(robot) | _timing(robot) | {"lights": _blink(robot)}
+    return found | (_drive(robot) if move else {})
 
 
 def _variant(robot: Robot) -> dict[str, str]:

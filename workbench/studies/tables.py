@@ -70,6 +70,8 @@ def run_study(
         RuntimeError: trials failed; the others are stored, no table is written.
     """
     study = _study(name)
+    if out is not None and out.exists() and not out.is_dir():
+        raise NotADirectoryError(f"{out} is a file; expected a folder for the table")
     seeds = (1, 2) if quick else range(1, study.seeds + 1)
     labels, trials = study.trials(seeds, quick=quick)
     place = store or paths.RUNS / ".cache" / f"trials-{sources.digest_of(study.function)}"

@@ -12,6 +12,7 @@ from workbench.__main__ import main
 from workbench.arena.camera.calibrate import Board, calibrate, load_camera
 from workbench.arena.camera.config import CameraConfig
 from workbench.arena.camera.frames import Frames
+from workbench.arena.camera.markers import pictures
 from workbench.arena.camera.optics import Calibration, Camera
 from workbench.logs.found import find_robots
 from workbench.measures.motion import Motion
@@ -118,7 +119,7 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(folder, tmp_path):
     for wrong in ({"square_m": 0.0}, {"square_m": 0.04, "marker_m": 0.05}):
         with pytest.raises(ValueError, match="expected"):
             Board(7, 5, **wrong)
-    with pytest.raises(ValueError, match="2×5 squares; expected 3 or more"):
+    with pytest.raises(ValueError, match="2×5 squares; expected 4 or more"):
         Board(2, 5, square_m=0.04)
     (tmp_path / "no.json").write_text("{}")
     with pytest.raises(ValueError, match="is no camera; write one"):
@@ -197,3 +198,67 @@ def test_both_verbs_from_a_shell(folder, drive, tmp_path, capfd):
     assert "found" in capfd.readouterr().out and poses.is_file()
     assert main(["find", str(place / "pictures"), *options, "--out", str(poses)]) == 2
     assert "exists already" in capfd.readouterr().err
+
+
+def test_pictures_that_cannot_tell_the_focal_length_make_no_camera(folder, tmp_path):
+    for number in range(6):  # the board always faces the camera
+        place = (-0.14 + 0.02 * number, -0.10, 0.6)
+        cv2.imwrite(str(tmp_path / f"{number}.png"), _draw(BOARD, (0.0, 0.0, 0.1), place))
+    with pytest.raises(ValueError, match=r"tilted by \d+° at most .* expected 15°"):
+        calibrate(tmp_path, BOARD)
+    with pytest.raises(ValueError, match="agree on no camera: corners are off by"):
+        calibrate(folder, Board(4, 4, square_m=0.04))
+
+
+def test_a_chessboard_cannot_be_the_world(folder):
+    with pytest.raises(ValueError, match="does not say which corner is its first; expected a ChA"):
+        calibrate(folder, Board(7, 5, square_m=0.04), floor="floor.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("matrix", None),
+        ("position", "there"),
+        ("distortion", [0.0, 0.0, 0.0]),
+        ("rotation", [[1, 2, 3], [4, 5, 6], [7, 8, 9]]),
+        ("width_px", "wide"),
+        ("position", [0.0, 0.0, float("nan")]),
+    ],
+)
+def test_a_damaged_camera_is_refused_by_the_name_of_what_is_wrong(drive, tmp_path, name, value):
+    said = json.loads((drive[0] / "camera.json").read_text())
+    for wrong in (said | {name: value}, {key: part for key, part in said.items() if key != name}):
+        (tmp_path / "camera.json").write_text(json.dumps(wrong))
+        with pytest.raises(ValueError, match=name):
+            load_camera(tmp_path / "camera.json", marker_m=0.05)
+
+
+def test_pictures_come_by_the_numbers_in_their_names_without_hidden_ones(tmp_path):
+    for name in ("a10.png", "a9.png", "b1.jpg", "._a9.png"):
+        cv2.imwrite(str(tmp_path / name.lstrip(".")), np.zeros((4, 4), np.uint8))
+    (tmp_path / "_a9.png").rename(tmp_path / "._a9.png")
+    assert [name for name, _ in pictures(tmp_path)] == ["a9.png", "a10.png", "b1.jpg"]
+    (tmp_path / "a9.png").rename(tmp_path / "\udcff.png")
+    with pytest.raises(ValueError, match="is no UTF-8 name; rename it"):
+        list(pictures(tmp_path))
+
+
+def test_a_video_that_lost_pictures_and_a_table_with_another_ending_are_refused(drive, tmp_path):
+    place, _ = drive
+    camera = place / "camera.json"
+    kind = cv2.VideoWriter_fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), kind, 10.0, (1280, 960))
+    for picture in sorted((place / "pictures").glob("*.png")):
+        writer.write(cv2.imread(str(picture)))
+    writer.release()
+    whole = (tmp_path / "v.avi").read_bytes()
+    (tmp_path / "cut.avi").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match=r"cut.avi: \d of 8 pictures could be read; repair it"):
+        find_robots(tmp_path / "cut.avi", camera, tmp_path / "cut.csv", robots=2)
+    for out in ("poses.json", "poses"):
+        with pytest.raises(ValueError, match="expected a name that ends in .csv"):
+            find_robots(place / "pictures", camera, tmp_path / out, robots=2, rate=1.0)
+    with pytest.raises(ValueError, match="is one picture; give the folder of all"):
+        one = next((place / "pictures").glob("*.png"))
+        find_robots(one, camera, tmp_path / "one.csv", robots=2)

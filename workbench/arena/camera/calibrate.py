@@ -29,6 +29,10 @@ from workbench.arena.camera.optics import Calibration, Camera
 Floats = NDArray[np.float64]
 KIND = "workbench camera"
 FEWEST = 5  # pictures in which a board must be found
+TILT_DEG = 15.0  # by which the board must be tilted from one picture to another
+# of what a calibration may be off by: our choice
+WORST_PX = 2.0
+WORST_FOCAL = 0.02
 _CORNERS = 6  # corners of the board that a picture must show
 _FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's boards: y down the page, z away from the camera
 
@@ -46,9 +50,10 @@ class Board:
     markers: str = "4X4_50"
 
     def __post_init__(self) -> None:
-        if min(self.columns, self.rows) < 3:
+        fewest = 4 if self.marker_m is None else 3  # OpenCV's, of a plain chessboard and of others
+        if min(self.columns, self.rows) < fewest:
             raise ValueError(
-                f"a board of {self.columns}×{self.rows} squares; expected 3 or more each way"
+                f"a board of {self.columns}×{self.rows} squares; expected {fewest} or more each way"
             )
         if not self.square_m > 0 or not math.isfinite(self.square_m):
             raise ValueError(f"square_m = {self.square_m!r}; expected the edge of a square in m")
@@ -85,6 +90,8 @@ class Board:
             return None
         # OpenCV's own types do not know that it takes its own answers
         points, pixels = board.matchImagePoints(corners, numbers)  # type: ignore[call-overload]
+        if np.linalg.matrix_rank(_plain(points, 3) - _plain(points, 3)[0]) < 2:
+            return None  # a single row of corners tells no pose
         return _plain(points, 3), _plain(pixels, 2)
 
     def _find_chessboard(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats] | None:
@@ -107,13 +114,15 @@ def calibrate(folder: str | Path, board: Board, *, floor: str | None = None) -> 
             of the lens alone.
 
     Returns:
-        kind, width_px, height_px, matrix (3×3), distortion (k1, k2, p1, p2, k3), focal_sd_px,
+        kind, width_px, height_px, matrix (3×3), distortion (k1, k2, p1, p2, k3), focal_px and its
+        standard deviation focal_sd_px, tilt_deg (how far the boards are tilted against each other),
         reprojection_px (RMS), worst_picture, pictures, left_out (names); rotation (3×3, world to
         camera) and position (m), None without a picture on the floor.
 
     Raises:
         FileNotFoundError: no pictures.
-        ValueError: pictures of several sizes; the board is found in too few, or not on the floor.
+        ValueError: pictures of several sizes; the board is found in too few, or not on the floor;
+            all show it at about the same tilt, or do not agree on any camera.
     """
     seen, left_out, (height, width) = _seen(folder, board, floor)
     names = list(seen)
@@ -121,6 +130,9 @@ def calibrate(folder: str | Path, board: Board, *, floor: str | None = None) -> 
     rms, matrix, distortion, turns, moves, deviations, _, each = cv2.calibrateCameraExtended(
         points, pixels, (width, height), np.eye(3), np.zeros(5)
     )
+    tilt = _tilt_deg(turns)
+    focal_sd = float(np.asarray(deviations).ravel()[0])
+    _check_quality(tilt, float(rms), focal_sd / matrix[0, 0], names[int(np.argmax(each))])
     place: dict[str, Any] = {"rotation": None, "position": None}
     if floor is not None:
         at = names.index(floor)
@@ -133,7 +145,9 @@ def calibrate(folder: str | Path, board: Board, *, floor: str | None = None) -> 
         "height_px": height,
         "matrix": np.asarray(matrix, np.float64).tolist(),
         "distortion": np.asarray(distortion, np.float64).ravel()[:5].tolist(),
-        "focal_sd_px": float(np.asarray(deviations).ravel()[0]),
+        "focal_px": float(matrix[0, 0]),
+        "focal_sd_px": focal_sd,
+        "tilt_deg": tilt,
         "reprojection_px": float(rms),
         "worst_picture": names[int(np.argmax(each))],
         "pictures": len(names),
@@ -145,6 +159,28 @@ def calibrate(folder: str | Path, board: Board, *, floor: str | None = None) -> 
             "marker_m": board.marker_m,
         },
     } | place
+
+
+def _tilt_deg(turns: Any) -> float:
+    """Return the largest angle between the normals of two boards."""
+    normals = np.array([np.asarray(cv2.Rodrigues(turn)[0])[:, 2] for turn in turns])
+    return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1))).max())
+
+
+def _check_quality(tilt: float, rms: float, focal_sd: float, worst: str) -> None:
+    """Refuse what cannot tell focal length from distance, or no camera at all."""
+    if tilt < TILT_DEG:
+        raise ValueError(
+            f"the board is tilted by {tilt:.0f}° at most from one picture to another; expected "
+            f"{TILT_DEG:g}° or more, or focal length and distance cannot be told apart"
+        )
+    if rms > WORST_PX or focal_sd > WORST_FOCAL:
+        raise ValueError(
+            f"the pictures agree on no camera: corners are off by {rms:.1f} px RMS (expected at "
+            f"most {WORST_PX:g}), the focal length is known to {100 * focal_sd:.1f} % (expected "
+            f"{100 * WORST_FOCAL:g} %); is it the right board, flat and in focus? The worst "
+            f"picture is {worst}"
+        )
 
 
 def load_camera(path: str | Path, *, marker_m: float) -> Camera:
@@ -164,16 +200,20 @@ def load_camera(path: str | Path, *, marker_m: float) -> Camera:
         raise ValueError(f"{place} is no JSON: {error}") from None
     if not isinstance(said, dict) or said.get("kind") != KIND:
         raise ValueError(f"{place} is no camera; write one: workbench calibrate-camera FOLDER")
-    if said["rotation"] is None:
+    if said.get("rotation", "") is None:
         raise ValueError(
             f"{place} does not say where the camera hangs; calibrate again with --floor PICTURE, "
             "the board lying on the floor"
         )
-    matrix, distortion, rotation, position = (
-        np.array(said[name], np.float64)
-        for name in ("matrix", "distortion", "rotation", "position")
+    shapes = {"matrix": (3, 3), "distortion": (5,), "rotation": (3, 3), "position": (3,)}
+    found = {name: _numbers(place, said, name, shape) for name, shape in shapes.items()}
+    matrix, distortion, rotation, position = found.values()
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+        raise ValueError(f"{place}: rotation is no rotation matrix; calibrate again")
+    width, height = (
+        int(_numbers(place, said, name, ()).item()) for name in ("width_px", "height_px")
     )
-    width, height, above = said["width_px"], said["height_px"], float(position[2])
+    above = float(position[2])
     config = CameraConfig(
         width_px=width,
         height_px=height,
@@ -184,6 +224,20 @@ def load_camera(path: str | Path, *, marker_m: float) -> Camera:
     return Camera(config, calibration=Calibration(matrix, distortion, rotation, position))
 
 
+def _numbers(place: Path, said: dict[str, Any], name: str, shape: tuple[int, ...]) -> Floats:
+    """Return the numbers that a file has under a name."""
+    try:
+        found = np.array(said[name], np.float64)
+        if found.shape != shape or not np.all(np.isfinite(found)):
+            raise ValueError
+    except (KeyError, TypeError, ValueError):
+        raise ValueError(
+            f"{place}: {name} = {said.get(name)!r}; expected {shape or 'a number'} finite numbers; "
+            "calibrate again"
+        ) from None
+    return found
+
+
 def _plain(points: Any, columns: int) -> Floats:
     return np.asarray(points, np.float64).reshape(-1, columns)
 
@@ -192,6 +246,11 @@ def _seen(
     folder: str | Path, board: Board, floor: str | None
 ) -> tuple[dict[str, tuple[Floats, Floats]], list[str], tuple[int, ...]]:
     """Return where the board is in which picture, pictures without it, and their size."""
+    if floor is not None and board.marker_m is None:
+        raise ValueError(
+            f"floor = {floor!r}: a plain chessboard does not say which corner is its first; "
+            "expected a ChArUco board (--marker)"
+        )
     seen: dict[str, tuple[Floats, Floats]] = {}
     left_out = []
     sizes: dict[tuple[int, ...], str] = {}

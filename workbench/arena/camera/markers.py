@@ -9,6 +9,7 @@ Contract: a Finder keeps no picture. Expected places are the caller's; without t
 picture is searched.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -64,7 +65,8 @@ class Finder:
         """Return the pose of every robot that is found: x, y in m, heading in rad.
 
         What is not square, or of another size than a marker on a robot, is none (text, for
-        example); a marker that is there twice tells no pose and is left out.
+        example); a marker that is there twice tells no pose and is left out, where the whole
+        picture is searched.
 
         Args:
             image: (height, width) uint8, of the camera's size.
@@ -126,21 +128,43 @@ class Finder:
         return bool(sides.max() < SQUARE * sides.min() and 1 / SIZE < large.mean() < SIZE)
 
 
+def is_picture(path: Path) -> bool:
+    """Return whether a file has the name of a picture, and is not hidden."""
+    return path.suffix.lower() in (".png", ".jpg", ".jpeg") and not path.name.startswith(".")
+
+
+def check_name(path: Path) -> None:
+    """Refuse a name that OpenCV cannot take.
+
+    Raises:
+        ValueError: it is no UTF-8.
+    """
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        raise ValueError(f"{str(path)!r} is no UTF-8 name; rename it") from None
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
 def pictures(folder: str | Path) -> Iterator[tuple[str, Picture]]:
-    """Yield name and grey picture of every PNG or JPEG in a folder, in the order of their names.
+    """Yield name and grey picture of every PNG or JPEG in a folder, in the order of their names,
+    numbers in them by size.
 
     Raises:
         FileNotFoundError: no folder, or no pictures in it.
         ValueError: a file is no picture.
     """
     place = Path(folder).expanduser()
-    files = sorted(
-        path for path in place.glob("*") if path.suffix.lower() in (".png", ".jpg", ".jpeg")
-    )
+    files = [path for path in place.glob("*") if is_picture(path)]
     if not files:
         raise FileNotFoundError(f"{place} holds no .png or .jpg pictures")
-    for path in files:
+    for path in sorted(files, key=_by_number):
+        check_name(path)
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if image is None:
-            raise ValueError(f"{path} is no picture that OpenCV can read")
+            raise ValueError(f"{path} is no picture that OpenCV can read; take it away")
         yield path.name, np.asarray(image, np.uint8)

@@ -12,6 +12,7 @@ confirmed by step counters that stay where they are.
 Contract: see ``robot.api``.
 """
 
+import math
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -101,6 +102,8 @@ def parse_sensors(data: bytes) -> dict[str, tuple[float, ...]]:
     found: dict[str, tuple[float, ...]] = {}
     for sensor, (place, code) in PLACES.items():
         values = struct.unpack_from(code, data, place)
+        if not all(map(math.isfinite, values)):
+            raise BadReply(f"{sensor} {values}; expected finite numbers")
         if sensor in ("proximity", "light", "floor"):
             found[sensor] = check_counts(sensor, values)
         else:
