@@ -80,14 +80,15 @@ class Study:
     the table.
 
     Attributes:
-        plots: name of a figure → function that draws it from the table.
-        verdicts: identifier of a claim → function that decides it from the table.
+        function: measures a trial: numbers by name, none of them a label's.
+        plots: name of a figure, of all studies' its own → function that draws it from the table.
+        verdicts: identifier of a claim → function that decides it from the table, a ``Verdict``.
     """
 
     name: str
     question: str
     cases: Callable[[], Sequence[Case]]
-    function: Callable[[Any], Mapping[str, float]] = measure  # of a Trial, or of what its cases are
+    function: Callable[[Any], Mapping[str, float]] = measure  # of a Trial, or of a subclass
     steps: int = 200_000
     minutes: float = 20.0
     seeds: int = 10

@@ -111,8 +111,10 @@ def runs_with_losses(table: pd.DataFrame) -> pd.DataFrame:
     return counts.unstack("weights")[list(WHOSE)].rename(columns=WHOSE)
 
 
-def ratios(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw copied over own errors down a line of robots that differ."""
+def copied_over_own(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
+    """Draw copied over own errors down a line of robots that differ; the numbers have those of
+    robots that are alike, too.
+    """
     others = of_others(table)
     fig = Figure(figsize=(9.6, 3.8), layout="constrained")
     axes = fig.subplots(1, 2)
@@ -173,6 +175,6 @@ STUDY = Study(
     cases,
     function=measure_copies,
     rows=ROWS,
-    plots={"copies": ratios, "copies_in_line": in_line},
+    plots={"copies": copied_over_own, "copies_in_line": in_line},
     verdicts={"E7": verdict},
 )

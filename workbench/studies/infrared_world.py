@@ -88,10 +88,12 @@ def counts_do_not_matter(table: pd.DataFrame) -> Verdict:
     each = "; ".join(
         f"{warp} {said(line, 'mm')}" for warp, line in change["rms_distance_mm"].iterrows()
     )
+    turned = change["bearing_std_deg"][["low", "high"]].abs().max().max()
     far = 100 * change["share_inside_last_third"][["low", "high"]].abs().max().max()
     words = (
-        f"share inside within {far:.2f} points; RMS distance error: {each}; margins: 1 point, "
-        "2 mm (half width of the middle metric tile), 1°"
+        f"share inside within {far:.2f} points, bearing spread within {turned:.1f}° (ends of all "
+        f"intervals); RMS distance error: {each}; margins: 1 point, 2 mm (half width of the middle "
+        "metric tile), 1°"
     )
     claim = "The absolute counts do not matter, as the learner adapts."
     return Verdict("N5", claim, ruling(*same), words)
@@ -113,7 +115,10 @@ def logarithmic_tiles(table: pd.DataFrame) -> Verdict:
         "results for the angle."
     )
     better = [bool(line["low"] > 0) for line in lines.values()]
-    because = f"linear minus logarithmic tiles, paired by seed: {words}"
+    because = (
+        f"clearly larger errors with linear tiles: {sum(better)} of {len(better)}; linear minus "
+        f"logarithmic, paired by seed: {words}"
+    )
     return Verdict("S3", claim, ruling(*better), because)
 
 

@@ -176,7 +176,8 @@ def verdict(table: pd.DataFrame) -> Verdict:
     because = (
         f"at α = 0.1 no mean differs from {REFERENCE} by more than (in brackets: no interval "
         f"reaches beyond): {reach}; n = {STUDY.seeds}. At the best of three α {len(behind)} of "
-        f"{len(rivals)} rivals lose clearly more and {len(less_precise)} are clearly less precise "
+        f"{len(rivals)} rivals lose clearly more and {len(less_precise)} are clearly less "
+        f"precise in distance "
         f"(n = {STUDY.seeds - TUNING_SEEDS}). Frozen failures: {len(failed)} of {len(runs)} runs, "
         f"all of {', '.join(failed['learner'].unique())}. No clear rank; that is not proof of "
         "being equal."

@@ -97,7 +97,9 @@ def path(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
 
 
 def down_the_line(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw judder by place in line after learning, beside rods that pull each other."""
+    """Draw judder by place in line after learning, beside rods that pull each other (from the study
+    "controllers").
+    """
     rods = load_study("controllers").query("controller == 'tractrix'")
     cases = at_the_end(table) | {"pulled rods (no robots)": rods}
     rows = []

@@ -4,14 +4,16 @@
 row per condition and seed, or several where a trial has the same numbers for every robot
 (``Rows``), with a JSON file beside it that says what was run. Finished trials are kept in
 runs/.cache/, under the hash of their configuration and of everything that the measuring function
-imports, so that a study continues after a kill, studies share what they have in common, and an edit
-of what is measured runs it again. ``draw`` and ``decide`` show what the published table says.
+uses (``sources.digest_of``), so that a study continues after a kill, studies share what they have
+in common, and an edit of what is measured runs it again; an edit of a plot beside it does not.
+``draw`` and ``decide`` show what the published table says.
 """
 
 import hashlib
 import importlib
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
@@ -35,9 +37,15 @@ from workbench.studies.published import FOLDER, load_study
 def _found() -> dict[str, Study]:
     """Return the studies of this folder, by name: every file that binds STUDY is one."""
     files = sorted(Path(__file__).parent.glob("*.py"))
-    names = [file.stem for file in files if "\nSTUDY = " in file.read_text(encoding="utf-8")]
-    modules = [importlib.import_module(f"workbench.studies.{name}") for name in names]
-    return {module.STUDY.name: module.STUDY for module in modules}
+    binding = re.compile(r"^STUDY\b.*=", re.M)
+    names = [file.stem for file in files if binding.search(file.read_text(encoding="utf-8"))]
+    found: dict[str, Study] = {}
+    for name in names:
+        study = importlib.import_module(f"workbench.studies.{name}").STUDY
+        if study.name in found:
+            raise ValueError(f"two studies are called {study.name!r}; rename that of {name}.py")
+        found[study.name] = study
+    return found
 
 
 STUDIES = _found()
