@@ -36,7 +36,7 @@ class _Loop:
     def __init__(self, config: ConvoyConfig) -> None:
         self.convoy = Convoy(config, [config.seed], steps=10**9, threads=1)
         self.recorder = Recorder(config, 10**9)
-        self.model = self.convoy.world.model
+        self.model = self.convoy.world.physics
         self.data = mujoco.MjData(self.model)
         self.substeps = self.convoy.world.substeps
         self.full: list[float] = []

@@ -77,10 +77,9 @@ def test_without_the_address_the_batch_does_it(monkeypatch):
 
 
 def test_what_is_not_mj_step_is_not_taken_for_it(monkeypatch):
-    library = engine._library()
-    other = ctypes.cast(library.mj_kinematics, ctypes.c_void_p).value
+    other = ctypes.cast(engine.library().mj_kinematics, ctypes.c_void_p).value
     assert not engine._is_mj_step(other)
-    monkeypatch.setattr(engine, "_library", lambda: None)
+    monkeypatch.setattr(engine, "library", lambda: None)
     engine.address.cache_clear()
     assert engine.address() == 0
     engine.address.cache_clear()

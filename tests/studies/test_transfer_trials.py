@@ -57,7 +57,8 @@ def test_unknown_families_and_numbers_are_refused():
 
 
 @pytest.mark.parametrize("training", TRAININGS)
-def test_every_training_is_judged_in_its_world_and_in_the_nominal_one(training):
+def test_every_training_is_judged_in_its_world_and_in_the_nominal_one(training, monkeypatch):
+    monkeypatch.setattr(transfer_trials, "STRETCHES", 20)
     trial = Transfer(
         config=replace(BASE, sensing="camera"),
         steps=2000,

@@ -1,28 +1,26 @@
 """MuJoCo from compiled code: ``mj_step`` by its address, so that a whole block of control periods
 needs no Python.
 
-A formation has an MjData of its own and two models: one without looks, for nothing but physics, and
-the same without contacts, for as long as no two robots can touch before the next look. What robots
+A formation has an MjData of its own and two models: the world's, and the same without contacts, for
+as long as no two robots can touch before the next look. What robots
 do is the same to the last bit as by ``mujoco.batch`` (a test compares), which remains for machines
 where the address is not found or does something else, and can be asked for by WORKBENCH_BATCH=1.
-
-MuJoCo's own stopwatches, which Python's binding switches on and which take a tenth of a planar
-step, are switched off: ``MjData.timer`` stays at zero in a process that uses this.
 
 Contract: between blocks a formation's state is its row of ``World.states``; ``begin`` takes it from
 there, ``end`` puts it back.
 """
 
+import copy
 import ctypes
 import functools
 import math
 import os
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from workbench.arena.library import library
 from workbench.arena.model import build_model
 from workbench.arena.world import World
 from workbench.compiled import compiled, peek, poke, step_at
@@ -94,35 +92,11 @@ def address() -> int:
     """Return where ``mj_step`` is, 0 where it is not found or not what it should be."""
     if os.environ.get("WORKBENCH_BATCH") == "1":
         return 0
-    found = _library()
-    if found is None:
+    found = library()
+    if found is None or not hasattr(found, "mj_step"):
         return 0
-    try:
-        where = ctypes.cast(found.mj_step, ctypes.c_void_p).value or 0
-        ctypes.c_void_p.in_dll(found, "mjcb_time").value = None  # MuJoCo's stopwatches
-    except (AttributeError, ValueError):
-        return 0
+    where = ctypes.cast(found.mj_step, ctypes.c_void_p).value or 0
     return where if where and _is_mj_step(where) else 0
-
-
-def _library() -> ctypes.CDLL | None:
-    """Return MuJoCo's own library, as Python's binding has loaded it."""
-    for folder in (Path(mujoco.__file__).parent, *map(Path, _core_folders())):
-        for path in sorted(folder.glob("libmujoco*")) + sorted(folder.glob("mujoco.dll")):
-            try:
-                return ctypes.CDLL(str(path))
-            except OSError:
-                continue
-    return None
-
-
-def _core_folders() -> list[str]:
-    """Return where the package with MuJoCo's library is, if that is one of its own."""
-    try:
-        import mujoco_core  # type: ignore[import-not-found]  # part of mujoco from 4.0 on
-    except ImportError:
-        return []
-    return [str(Path(mujoco_core.__file__).parent)]
 
 
 def _is_mj_step(where: int) -> bool:
@@ -153,9 +127,8 @@ class Engine:
         robot = world.robot
         self._states = world.states
         self._ctrl = world.ctrl
-        what = (world.robots, world.drive.name, world.furnish, robot)
-        self._model = build_model(*what, looks=False)
-        self._free = build_model(*what, looks=False)
+        self._model = world.physics
+        self._free = copy.copy(world.physics)
         self._free.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         self._data = [mujoco.MjData(self._model) for _ in self._states]
         assert mujoco.mj_stateSize(self._model, _STATE) == self._states.shape[1]

@@ -66,7 +66,8 @@ def picture(
             f"{field_of_view_deg}; expected "
             "sizes of at least 1 and an angle from 1 to 150 degrees"
         )
-    data = world.batch.get_data(formation)
+    data = mujoco.MjData(world.model)
+    data.qpos[:] = world.qpos[formation]
     mujoco.mj_forward(world.model, data)
     origin = np.array(eye, dtype=np.float64)
     rays = _camera_rays(

@@ -15,6 +15,7 @@ Contract: ``qpos``, ``ctrl`` and ``states`` are live views; a write is the state
 Results do not depend on the number of threads. A world is used by one Python thread at a time.
 """
 
+import functools
 import math
 import os
 from collections.abc import Callable
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from workbench.arena.drives.table import DRIVE_NUMBERS, DRIVES, read
 from workbench.arena.floor import draw_floors
+from workbench.arena.library import stopwatches_off
 from workbench.arena.model import build_model
 from workbench.arena.tracks import Track
 from workbench.compiled import compiled
@@ -104,7 +106,7 @@ class World:
 
     Attributes:
         robot, drive, furnish: what the robots are, how they are driven, what else is there.
-        model, batch: MuJoCo's own objects, open to every use.
+        physics, batch: MuJoCo's own objects, open to every use; ``model`` has looks, too.
         qpos, ctrl: live (B, nq) and (B, nu) views.
         states: live (B, nstate) rows that hold the whole physics.
         floor: the rasters of the lines, see ``workbench.arena.floor``.
@@ -122,7 +124,10 @@ class World:
         threads: int = 0,
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
-        self.model = build_model(followers + 1, drive, furnish, robot)
+        stopwatches_off()
+        # what furnishes may know robots by their looks
+        looks = furnish is not None
+        self.physics = build_model(followers + 1, drive, furnish, robot, looks=looks)
         self.robot = robot
         self.furnish = furnish
         self._motors = np.zeros(1, MOTORS)
@@ -138,7 +143,7 @@ class World:
             else os.cpu_count() or 1
         )
         self.threads = max(1, min(threads or cores, len(tracks)))
-        self.batch = mujoco_batch.Batch(self.model, len(tracks), self.threads)
+        self.batch = mujoco_batch.Batch(self.physics, len(tracks), self.threads)
         self.qpos: NDArray[np.float64] = self.batch.bind("qpos")
         self.ctrl: NDArray[np.float64] = self.batch.bind("ctrl")
         self.states: NDArray[np.float64] = self.qpos.base  # qpos is a view of the rows
@@ -148,6 +153,11 @@ class World:
             self._line_up(formation, track, spacing_m)
         self._time: NDArray[np.float64] = self.batch.bind("time")
         self._start = self.states.copy()
+
+    @functools.cached_property
+    def model(self) -> mujoco.MjModel:
+        """The model with all that is seen of robots, made when somebody looks."""
+        return build_model(self.robots, self.drive.name, self.furnish, self.robot)
 
     @property
     def formations(self) -> int:
@@ -190,7 +200,7 @@ class World:
         width = self.drive.qpos
         row = self.qpos[formation, width * robot : width * (robot + 1)]
         row[:] = self.drive.at_rest(self.robot, x, y, heading)
-        dofs = self.model.nv // self.robots
+        dofs = self.physics.nv // self.robots
         self.batch.bind("qvel")[formation, dofs * robot : dofs * (robot + 1)] = 0
         count = len(self.drive.actuators)
         self.ctrl[formation, count * robot : count * (robot + 1)] = 0
