@@ -16,6 +16,13 @@ settings.register_profile(
 settings.load_profile("workbench")
 
 
+def pytest_collection_modifyitems(items):
+    """Begin with the longest test, which waits more than it computes: at the end it would run
+    alone.
+    """
+    items.sort(key=lambda item: "test_browser" not in item.nodeid)
+
+
 def pytest_terminal_summary(terminalreporter):
     reasons = {
         report.longrepr[2].removeprefix("Skipped: ")

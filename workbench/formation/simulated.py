@@ -47,6 +47,8 @@ from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import SENSORS as RING_SENSORS, calibrate, raw_reading
 from workbench.robot.motors import wheel_speed
 
+GYROSCOPE = 131.0  # counts per °/s
+
 
 @compiled
 def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
@@ -59,6 +61,15 @@ def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
 @compiled
 def _ground(task: Any, floor: Any, robots: Any, i: int, k: int, noise: float) -> float:
     return read_ground(task[0], floor, robots[i], k, noise)
+
+
+def _gyroscope(turn: float) -> float:
+    """Return the raw reading of a turning rate (rad/s), to the left positive: 131 counts per °/s,
+    16 bits, as the e-puck2's motion sensor has it at its finest range; which range its firmware
+    takes is our assumption.
+    """
+    counts = GYROSCOPE * math.degrees(turn)
+    return float(round(max(-(2.0**15), min(2.0**15 - 1, counts))))
 
 
 class SimulatedRobot(Robot):
@@ -78,6 +89,7 @@ class SimulatedRobot(Robot):
     """
 
     capabilities = frozenset(SENSORS[: SENSORS.index("microphone")]) | {
+        "gyroscope",
         "drive",
         "calibrate",
         "led",
@@ -214,6 +226,7 @@ class SimulatedRobot(Robot):
             "motor_speed": (float(self._speed[0]), float(self._speed[1])),
             "motor_position": tuple(float(int(count)) for count in self._steps),
             "accelerometer": (0.0, 0.0, 800.0),
+            "gyroscope": (0.0, 0.0, _gyroscope(record["motion"]["turn"])),
             "selector": (10.0,),
             "battery": (1.0,),
         }

@@ -92,7 +92,7 @@ def path(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
         ax.axhline(1.0, color="#777777", linestyle=":", linewidth=0.9)
         ax.set_xticks(range(5), STOPS)
         parts.append(summary.assign(quantity=value))
-    fig.axes[0].legend(loc="upper right")
+    fig.axes[0].legend(loc="center right")
     return fig, pd.concat(parts)
 
 

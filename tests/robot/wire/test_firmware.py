@@ -1,10 +1,12 @@
 """The emulated firmware's answers, request by request, as the public firmware gives them."""
 
+import math
 import struct
 
 import pytest
 
 from workbench.formation.simulated import SimulatedRobot
+from workbench.robot.geometry import STEP, TRACK
 from workbench.robot.wire.epuck2 import PLACES, SENSOR_BYTES, command, parse_sensors
 from workbench.robot.wire.firmware import EPuck2Firmware, SerComFirmware
 from workbench.robot.wire.sercom import VARIANTS
@@ -120,4 +122,12 @@ def test_every_sensor_of_an_epuck2_stands_in_its_own_bytes():
     body = SimulatedRobot()
     body.connect()
     packet = EPuck2Firmware(body, lockstep=True).feed(command(0, 0, sensors=True))
-    assert parse_sensors(packet[1:])["gyroscope"] == (0, 0, 0)  # not simulated
+    assert parse_sensors(packet[1:])["gyroscope"] == (0, 0, 0)  # it stands
+    body.set_motors_speed(-200, 200)
+    for _ in range(5):
+        body.step()
+    turning = 2 * 200 * STEP / TRACK
+    counts = parse_sensors(
+        EPuck2Firmware(body, lockstep=True).feed(command(-200, 200, sensors=True))[1:]
+    )
+    assert counts["gyroscope"][2] == pytest.approx(131 * math.degrees(turning), rel=0.1)
