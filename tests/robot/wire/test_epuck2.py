@@ -9,6 +9,7 @@ import pytest
 from tests.robot.wires import SteppedClock, Stream
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
+from workbench.robot.api import SENSORS
 from workbench.robot.wire.epuck2 import EPuck2Robot, lights_of
 from workbench.robot.wire.firmware import CALIBRATION_S, EPuck2Firmware
 
@@ -36,8 +37,7 @@ class Counting:
 @pytest.fixture
 def streamed():
     with SimulatedRobot(CONFIG) as body:
-        body.enable("light", "floor", "motor_position", "accelerometer", "selector", "battery")
-        body.enable("proximity")
+        body.enable(*(sensor for sensor in SENSORS if sensor in body.capabilities))
         body.step()
         clock = SteppedClock()
         link = Stream(EPuck2Firmware(Counting(body)), clock)
