@@ -244,6 +244,8 @@ class Convoy:
             lens=self.lens,
             engines=np.zeros(count, ENGINE),
         )
+        if self.task["run"]["external"][0] >= 0:  # nobody on a wire waits for a compiler
+            _ = self._act_all
 
     # what a convoy runs by is compiled, and made, when it is first needed: whole blocks, or periods
 
