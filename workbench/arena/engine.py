@@ -2,9 +2,9 @@
 needs no Python.
 
 A formation has an MjData of its own and two models: the world's, and the same without contacts, for
-as long as no two robots can touch before the next look. What robots
-do is the same to the last bit as by ``mujoco.batch`` (a test compares), which remains for machines
-where the address is not found or does something else, and can be asked for by WORKBENCH_BATCH=1.
+as long as no two robots can touch before the next look. What robots do is the same to the last bit
+as by ``mujoco.batch`` (a test compares), which remains for machines where the address is not found
+or does something else, and can be asked for by WORKBENCH_BATCH=1.
 
 Contract: between blocks a formation's state is its row of ``World.states``; ``begin`` takes it from
 there, ``end`` puts it back.
@@ -42,7 +42,9 @@ ENGINE = np.dtype(
     ]
 )
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_CLOSING = 0.035  # m that two e-pucks can close in by within a period, and some more
+# m that two e-pucks can close in by within a period: 26 mm, 31 mm on the largest wheels that
+# BodyConfig allows, and some more
+_CLOSING = 0.035
 
 
 @compiled

@@ -346,6 +346,7 @@ class Convoy:
         """Run a block formation by formation, physics in compiled code, on as many threads as the
         world has.
         """
+        _ = self._run_formation  # compiled once, before threads ask for it
         waiting = np.flatnonzero(self._formations["done"] == 0).tolist()
         threads = min(self.world.threads, len(waiting))
         if threads < 2:

@@ -87,6 +87,8 @@ def import_table(
     """
     place = Path(path).expanduser()
     said: list[str] = []
+    if not place.exists():
+        raise FileNotFoundError(f"{place} does not exist; expected a CSV file or a ROS 2 bag")
     frame = read_bag(place, said) if is_bag(place) else _read(place, said)
     found = _columns(list(frame.columns), dict(names or {}), said)
     if robot is None:
@@ -120,8 +122,6 @@ def import_table(
 
 def _read(place: Path, said: list[str]) -> pd.DataFrame:
     """Return the numbers of a log by the names in its header."""
-    if not place.is_file():
-        raise FileNotFoundError(f"{place} does not exist; expected a CSV file or a ROS 2 bag")
     content = place.read_bytes()
     encoding = "utf-8-sig"
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):

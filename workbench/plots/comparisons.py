@@ -124,7 +124,7 @@ def curve_panels(
     xlabel: str,
     size: tuple[float, float],
     even: bool = True,
-    legend: bool = True,
+    legends: Sequence[int] | None = None,
 ) -> Figure:
     """Draw several quantities of a study's table against a level, side by side.
 
@@ -133,11 +133,13 @@ def curve_panels(
         by, x: the columns that name the condition: a case, a numeric level.
         values: column → its words on the axis.
         size: of the figure, inches.
+        legends: numbers of the panels that have one; default all.
     """
     fig = Figure(figsize=size, layout="constrained")
     axes = fig.subplots(1, len(values))
-    for ax, (value, words) in zip(axes, values.items(), strict=True):
+    for number, (ax, value) in enumerate(zip(axes, values, strict=True)):
         summary = by_condition(table, [by, x], value)
+        words, legend = values[value], legends is None or number in legends
         curves(summary, x, by=by, xlabel=xlabel, ylabel=words, ax=ax, even=even, legend=legend)
     return fig
 

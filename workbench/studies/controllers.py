@@ -15,9 +15,11 @@ from workbench.lab.trial import Trial
 from workbench.measures.comparisons import by_condition, difference
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.runs import intervals_by_case
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.studies.motion_trials import measure_motion
 from workbench.studies.published import formation, per_robot
 
+LEARNING = 400_000  # updates of the learners
 DRIVERS = (
     "learner",
     "tractrix",
@@ -48,7 +50,7 @@ def cases() -> Sequence[Case]:
                     noise_distance_m=mm / 1000,
                     noise_bearing_rad=math.radians(degrees),
                 )
-                trial = Trial(config=config, controller=controller, steps=400_000, minutes=20.0)
+                trial = Trial(config=config, controller=controller, steps=LEARNING, minutes=20.0)
                 cases.append(({"controller": controller, "setting": name, "noise": noise}, trial))
     return cases
 
@@ -179,7 +181,7 @@ def verdict(table: pd.DataFrame) -> Verdict:
         f"losses, learners and peers together: {losses}. Not clearly worse, of all comparisons by "
         f"measure: {each}; by pair (5 measures × 2 noises): {beside}. Without noise, learner − "
         f"carrot: mm RMS {said['mm RMS']}; turning °/s {said['turning']}. The price: {price}, in "
-        f"2.8 h; n = {STUDY.seeds} seeds."
+        f"{LEARNING / 4 * CONTROL_PERIOD / 3600:.1f} h; n = {STUDY.seeds} seeds."
     )
     claim = (
         "Compared to classical control, our results are quite similar and comparable, but training "

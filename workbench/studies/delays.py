@@ -9,7 +9,7 @@ from workbench.lab.study import Case, Rows, Study
 from workbench.lab.trial import Trial
 from workbench.measures.comparisons import by_quantity
 from workbench.measures.verdicts import Verdict, ruling
-from workbench.plots.comparisons import curves, one_note
+from workbench.plots.comparisons import curve_panels, one_note
 from workbench.plots.style import note
 from workbench.studies.conditions import travels
 from workbench.studies.published import load_study
@@ -35,51 +35,52 @@ VALUES = {
 
 
 def against_nominal(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the drives in judging worlds, with degradation: their RMS distance error over that in
-    the nominal simulation.
+    """Return the drives in judging worlds, with degradation (their RMS distance error over that in
+    the nominal simulation), ``late`` (s) and ``case`` (route and table).
     """
     keys = ["route", "table", "seed"]
     nominal = table[table["world"] == "nominal"].set_index(keys)["rms_distance_mm"]
     late = table[table["world"] == "judging"].sort_values("late_s", kind="stable")
     own = nominal.loc[pd.MultiIndex.from_frame(late[keys])].to_numpy()
-    return late.assign(degradation=late["rms_distance_mm"] / own)
+    return late.assign(
+        degradation=late["rms_distance_mm"] / own,
+        late=late["late_s"],
+        case=late["route"] + ", " + late["table"],
+    )
 
 
 def by_delay(table: pd.DataFrame) -> pd.DataFrame:
     """Return share inside and degradation by how late (s) commands come, per case (route and
     table).
     """
-    late = against_nominal(table)
-    late = late.assign(late=late["late_s"], case=late["route"] + ", " + late["table"])
-    parts = [by_quantity(part, ["case", "late"], VALUES) for _, part in late.groupby("late")]
-    return pd.concat(parts)
+    groups = against_nominal(table).groupby("late")
+    return pd.concat(by_quantity(part, ["case", "late"], VALUES) for _, part in groups)
 
 
 def losses_by_delay(table: pd.DataFrame) -> pd.DataFrame:
     """Return losses over all worlds, worlds without any, and the worst degradation, by how late
     commands come.
     """
-    late = against_nominal(table).rename(columns={"late_s": "late"})
-    return late.groupby(["route", "table", "late"], sort=False).agg(
-        losses=("losses", lambda lost: int(lost.sum())),
-        without_loss=("losses", lambda lost: int((lost == 0).sum())),
-        worst_degradation=("degradation", "max"),
+    return (
+        against_nominal(table)
+        .groupby(["route", "table", "late"], sort=False)
+        .agg(
+            losses=("losses", lambda lost: int(lost.sum())),
+            without_loss=("losses", lambda lost: int((lost == 0).sum())),
+            worst_degradation=("degradation", "max"),
+        )
     )
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw time inside and errors against how late commands come."""
-    late = by_delay(table)
-    fig = Figure(figsize=(9.6, 3.9), layout="constrained")
-    axes = fig.subplots(1, 2)
-    for ax, (quantity, words) in zip(axes, VALUES.items(), strict=True):
-        part, label = late[late["quantity"] == quantity], "commands late by (s), emulated"
-        curves(part, "late", by="case", xlabel=label, ylabel=words, ax=ax, even=True)
-    axes[0].get_legend().remove()
-    axes[1].axhline(1.5, color="#777777", linewidth=0.8)
-    one_note(axes)
-    note(axes[0], f"mean, 95 % bootstrap interval over worlds, n = {STUDY.seeds}")
-    return fig, late
+    late, label = against_nominal(table), "commands late by (s), emulated"
+    fig = curve_panels(late, "case", "late", VALUES, xlabel=label, size=(9.6, 3.9), legends=(1,))
+    left, right = fig.axes
+    right.axhline(1.5, color="#777777", linewidth=0.8)
+    one_note(fig.axes)
+    note(left, f"mean, 95 % bootstrap interval over worlds, n = {STUDY.seeds}")
+    return fig, by_delay(table)
 
 
 def verdict(table: pd.DataFrame) -> Verdict:

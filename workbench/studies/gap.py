@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from workbench.lab.study import Case, Rows, Study
 from workbench.measures.comparisons import by_quantity
-from workbench.plots.comparisons import curves, one_note
+from workbench.plots.comparisons import curve_panels, one_note
 from workbench.studies.conditions import (
     BASE,
     routes,
@@ -47,10 +47,12 @@ def by_noise(table: pd.DataFrame) -> pd.DataFrame:
     """Return share inside and RMS distance error by the factor on the noise, per case (route and
     training).
     """
-    cased = table.assign(case=table["route"] + ", " + table["training"])
-    cased = cased.sort_values("noise", kind="stable")
-    parts = [by_quantity(part, ["case", "noise"], VALUES) for _, part in cased.groupby("noise")]
-    return pd.concat(parts)
+    groups = _cased(table).groupby("noise")
+    return pd.concat(by_quantity(part, ["case", "noise"], VALUES) for _, part in groups)
+
+
+def _cased(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(case=table["route"] + ", " + table["training"])
 
 
 def losses_by_noise(table: pd.DataFrame) -> pd.DataFrame:
@@ -61,15 +63,12 @@ def losses_by_noise(table: pd.DataFrame) -> pd.DataFrame:
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw time inside and errors against the factor on the noise."""
-    noisy = by_noise(table)
-    fig = Figure(figsize=(9.6, 3.9), layout="constrained")
-    axes = fig.subplots(1, 2)
-    for ax, (quantity, words) in zip(axes, VALUES.items(), strict=True):
-        part = noisy[noisy["quantity"] == quantity]
-        curves(part, "noise", by="case", xlabel="noise ×, simulated", ylabel=words, ax=ax)
-    axes[1].get_legend().remove()
-    one_note(axes)
-    return fig, noisy
+    label, size = "noise ×, simulated", (9.6, 3.9)
+    fig = curve_panels(
+        _cased(table), "case", "noise", VALUES, xlabel=label, size=size, even=False, legends=(0,)
+    )
+    one_note(fig.axes)
+    return fig, by_noise(table)
 
 
 ROWS = Rows(("noise",), {(factor,): f"{{}}_noise_{factor}" for factor in NOISE_FACTORS})

@@ -11,7 +11,7 @@ from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Case, Study
 from workbench.lab.trial import Trial
 from workbench.measures.comparisons import by_quantity
-from workbench.plots.comparisons import beside, dots, one_note
+from workbench.plots.comparisons import dot_panels, one_note
 from workbench.studies.infrared_trials import measure_infrared
 
 
@@ -49,14 +49,10 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw time inside and errors by route, table and number of followers."""
     who = table["followers"].map({1: "1 follower", 4: "4 followers"})
     case = table["route"] + ", " + table["table"].str[:3] + ", " + who
-    lines = by_quantity(table.assign(condition=case), ["condition"], VALUES)
-    fig = Figure(figsize=(9.6, 3.4), layout="constrained")
-    axes = fig.subplots(1, 3)
-    for ax, (name, words) in zip(axes, VALUES.items(), strict=True):
-        dots(lines[lines["quantity"] == name], "condition", xlabel=words, ax=ax)
-    beside(axes)
-    one_note(axes)
-    return fig, lines
+    named = table.assign(condition=case)
+    fig = dot_panels(named, "condition", VALUES, size=(9.6, 3.4))
+    one_note(fig.axes)
+    return fig, by_quantity(named, ["condition"], VALUES)
 
 
 STUDY = Study(

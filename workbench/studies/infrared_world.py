@@ -92,8 +92,9 @@ def counts_do_not_matter(table: pd.DataFrame) -> Verdict:
     far = 100 * change["share_inside_last_third"][["low", "high"]].abs().max().max()
     words = (
         f"share inside within {far:.2f} points, bearing spread within {turned:.1f}° (ends of all "
-        f"intervals); RMS distance error: {each}; margins: 1 point, 2 mm (half width of the middle "
-        "metric tile), 1°"
+        f"intervals); RMS distance error: {each}; margins: "
+        f"{100 * MARGINS['share_inside_last_third']:g} point, {MARGINS['rms_distance_mm']:g} mm "
+        f"(half width of the middle metric tile), {MARGINS['bearing_std_deg']:g}°"
     )
     claim = "The absolute counts do not matter, as the learner adapts."
     return Verdict("N5", claim, ruling(*same), words)

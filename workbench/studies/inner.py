@@ -33,7 +33,7 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     label = "half width of the middle cell in mm"
     named = table.assign(spacing="logarithmic 9×9")
     fig = curve_panels(
-        named, "spacing", x, panels, xlabel=label, size=(10.4, 3.6), even=False, legend=False
+        named, "spacing", x, panels, xlabel=label, size=(10.4, 3.6), even=False, legends=()
     )
     return fig, by_quantity(table, [x], panels)
 

@@ -129,7 +129,7 @@ def step_sizes(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     runs = several_steps(table)
     label = "step size α"
     size = (11.2, 4.2)
-    fig = curve_panels(runs, "learner", "alpha", PANELS, xlabel=label, size=size, legend=False)
+    fig = curve_panels(runs, "learner", "alpha", PANELS, xlabel=label, size=size, legends=())
     handles = fig.axes[0].get_legend_handles_labels()
     fig.legend(*handles, loc="outside lower center", ncols=5, fontsize=8)
     return fig, by_quantity(runs, ["learner", "alpha"], PANELS)

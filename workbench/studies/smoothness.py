@@ -225,9 +225,9 @@ def without_collisions(table: pd.DataFrame) -> Verdict:
     touched = int(trained["following_collisions"].sum())
     gap = trained["following_smallest_gap_mm"].min()
     before = runs["following_collisions"].sum() + runs["learning_collisions"].sum() - touched
-    seeds = trained["seed"].nunique()
+    seeds, settings, stops = (trained[name].nunique() for name in ("seed", "setting", "updates"))
     because = (
-        f"{touched} in {hours:.0f} h ({seeds} seeds × 2 settings × 3 stops), below "
+        f"{touched} in {hours:.0f} h ({seeds} seeds × {settings} settings × {stops} stops), below "
         f"{3 / hours:.2f}/h if hours are independent and there are none (95 %); smallest gap "
         f"{gap:.0f} mm. Before and while learning: {before:.0f}; bounds (80 mm between centres) "
         "and reset keep robots apart, too. Looked for once per 0.1 s; four followers."

@@ -17,10 +17,9 @@ import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from IPython.display import Image
 
 from workbench import fields, paths, sources
 from workbench.formation.config import ConvoyConfig
@@ -29,9 +28,10 @@ from workbench.lab.study import Study
 from workbench.lab.sweeps import Failed, sweep
 from workbench.lab.trial import Trial
 from workbench.measures.verdicts import Verdict
-from workbench.plots.figures import publish
-from workbench.plots.style import style
 from workbench.studies.published import FOLDER, load_study
+
+if TYPE_CHECKING:
+    from IPython.display import Image
 
 
 def _found() -> dict[str, Study]:
@@ -105,13 +105,17 @@ def run_study(
     return table
 
 
-def draw(study: str, plot: str) -> Image:
+def draw(study: str, plot: str) -> "Image":
     """Draw a figure of a study from its published table, publish it, and return the picture.
 
     Raises:
         ValueError: there is no such study or plot.
         FileNotFoundError: the study has not been run yet.
     """
+    # pictures are imported where somebody looks: running a study needs none
+    from workbench.plots.figures import publish
+    from workbench.plots.style import style
+
     plots = _study(study).plots
     with style():
         figure, numbers = _named(plots, plot, f"study {study!r}: plot")(load_study(study))

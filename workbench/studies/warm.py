@@ -10,7 +10,7 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation.body import BodyConfig
 from workbench.lab.study import Case, Rows, Study
 from workbench.measures.comparisons import by_quantity
-from workbench.plots.comparisons import beside, dots, one_note
+from workbench.plots.comparisons import dot_panels, one_note
 from workbench.studies.conditions import BASE, OTHER
 from workbench.studies.transfer_trials import (
     LATER,
@@ -39,14 +39,14 @@ SAVED = {
 }
 
 
-def saved(table: pd.DataFrame) -> pd.DataFrame:
-    """Return, per quantity and task, what a cold start takes and a warm one saves.
+def pairs(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per task and seed: what a cold start takes and a warm one saves.
 
     A run that never was quiet counts with its whole length.
     """
     cold, warm = (table[table["start"] == s].reset_index(drop=True) for s in ("cold", "warm"))
     settled = [part["updates_to_quiet"].fillna(LATER) for part in (cold, warm)]
-    trials = cold[["task", "seed"]].assign(
+    return cold[["task", "seed"]].assign(
         cold_learning_losses=cold["learning_losses"],
         cold_settled=settled[0],
         warm_settled=settled[1],
@@ -54,21 +54,20 @@ def saved(table: pd.DataFrame) -> pd.DataFrame:
         updates_saved=settled[0] - settled[1],
         error_saved_mm=cold["rms_distance_mm"] - warm["rms_distance_mm"],
     )
+
+
+def saved(table: pd.DataFrame) -> pd.DataFrame:
+    """Return ``pairs`` by quantity and task, with intervals."""
     several = ["cold_learning_losses", "cold_settled", "warm_settled", *SAVED]
-    return by_quantity(trials, ["task"], several)
+    return by_quantity(pairs(table), ["task"], several)
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw what a warm start saves, task by task."""
-    lines = saved(table)
-    fig = Figure(figsize=(9.6, 3.2), layout="constrained")
-    axes = fig.subplots(1, 3)
-    for ax, (value, words) in zip(axes, SAVED.items(), strict=True):
-        part = lines[lines["quantity"] == value]
-        dots(part, "task", xlabel=f"{words}, simulated", ax=ax, reference=0.0)
-    beside(axes)
-    one_note(axes)
-    return fig, lines
+    words = {value: f"{name}, simulated" for value, name in SAVED.items()}
+    fig = dot_panels(pairs(table), "task", words, size=(9.6, 3.2), reference=0.0)
+    one_note(fig.axes)
+    return fig, saved(table)
 
 
 ROWS = Rows(("start",), {("cold",): "cold_{}", ("warm",): "warm_{}"})
