@@ -88,11 +88,13 @@ def path(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
             ax=ax,
             even=True,
             log=log,
+            legend=False,
         )
         ax.axhline(1.0, color="#777777", linestyle=":", linewidth=0.9)
         ax.set_xticks(range(5), STOPS)
         parts.append(summary.assign(quantity=value))
-    fig.axes[0].legend(loc="center right")
+    handles = fig.axes[0].get_legend_handles_labels()
+    fig.legend(*handles, loc="outside lower center", ncols=2)
     return fig, pd.concat(parts)
 
 
