@@ -138,7 +138,7 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     rod = every.loc[every["controller"] == "tractrix", "judder_ratio"].mean()
     rows = [by_condition(robots, ["who", "noise"], v).assign(quantity=v) for v in PANELS]
     fig = Figure(figsize=(12.0, 5.6), layout="constrained")
-    fig.set_layout_engine("constrained", rect=(0.012, 0, 0.98, 1))  # room for the longest name
+    fig.set_layout_engine("constrained", w_pad=0.1)  # inches: room for the longest name
     axes = fig.subplots(1, 4, sharey=True)
     for ax, (value, words), lines, at in zip(axes, PANELS.items(), rows, TICKS, strict=True):
         marked = {"pulled rod": rod} if value == "judder_ratio" else {}
