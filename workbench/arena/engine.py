@@ -1,7 +1,7 @@
-"""MuJoCo from compiled code: ``mj_step`` by its address, so that a whole block of control periods
-needs no Python.
+"""Physics in compiled code, so that a whole block of control periods needs no Python: MuJoCo by the
+address of ``mj_step``, or a drive that needs no engine.
 
-A formation has an MjData of its own and two models: the world's, and the same without contacts, for
+With MuJoCo a formation has an MjData of its own and two models: the world's, and the same without contacts, for
 as long as no two robots can touch before the next look. What robots do is the same to the last bit
 as by ``mujoco.batch`` (a test compares), which remains for machines where the address is not found
 or does something else, and can be asked for by WORKBENCH_BATCH=1.
@@ -20,6 +20,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from workbench.arena.drives.rolling import apart_m, roll
 from workbench.arena.library import library
 from workbench.arena.model import build_model
 from workbench.arena.world import World
@@ -28,7 +29,7 @@ from workbench.robot.description import EPUCK
 
 ENGINE = np.dtype(
     [
-        ("step", "i8"),  # address of mj_step; 0: there is no engine
+        ("step", "i8"),  # address of mj_step; 0: robots roll
         ("model", "i8"),  # addresses of what it takes
         ("free", "i8"),
         ("data", "i8"),
@@ -39,6 +40,9 @@ ENGINE = np.dtype(
         ("substeps", "i8"),  # physics steps per control period
         ("late", "i8"),  # those before the commands that waited take effect
         ("near", "f8"),  # m between two centres below which robots may touch; inf: always
+        ("timestep", "f8"),  # s
+        ("track", "f8"),  # m between the wheels of a robot
+        ("apart", "f8"),  # m between centres of robots that roll and touch
     ]
 )
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -55,6 +59,26 @@ def advance(engine: Any, robots: Any, qpos: Any, ctrl: Any, waiting: Any) -> Non
         engine: ENGINE record; robots: (robots,) ROBOT, their poses now.
         qpos, ctrl, waiting: rows of ``control.Arrays``.
     """
+    if engine.step:
+        _engine_steps(engine, robots, qpos, ctrl, waiting)
+    else:
+        _roll_on(engine, qpos, ctrl, waiting)
+
+
+@compiled
+def _roll_on(engine: Any, qpos: Any, ctrl: Any, waiting: Any) -> None:
+    late = engine.late
+    if late:
+        roll(qpos, ctrl, late * engine.timestep, engine.track, engine.apart)
+        for k in range(ctrl.size):
+            ctrl[k] = waiting[k]
+    if engine.substeps > late:
+        rest = (engine.substeps - late) * engine.timestep
+        roll(qpos, ctrl, rest, engine.track, engine.apart)
+
+
+@compiled
+def _engine_steps(engine: Any, robots: Any, qpos: Any, ctrl: Any, waiting: Any) -> None:
     model = engine.model if _may_touch(robots, engine.near) else engine.free
     for k in range(engine.nu):
         poke(engine.ctrl, k, ctrl[k])
@@ -115,7 +139,7 @@ def _is_mj_step(where: int) -> bool:
 
 
 class Engine:
-    """The physics of B formations in compiled code.
+    """The physics of B formations in compiled code, for a drive that needs no engine.
 
     Args:
         world: whose formations they are.
@@ -126,6 +150,25 @@ class Engine:
     """
 
     def __init__(self, world: World, *, late: int) -> None:
+        self.records = np.zeros(world.formations, ENGINE)
+        self.records["substeps"] = world.substeps
+        self.records["late"] = late
+        self.records["timestep"] = world.drive.timestep_s
+        self.records["track"] = world.robot.track_m
+        self.records["apart"] = apart_m(world.robot)
+
+    def begin(self, formation: int) -> None:
+        """Take a formation's state from its row."""
+
+    def end(self, formation: int) -> None:
+        """Put a formation's state into its row; commands that nobody has carried out stay."""
+
+
+class MuJoCo(Engine):
+    """The same for MuJoCo, with an MjData a formation."""
+
+    def __init__(self, world: World, *, late: int) -> None:
+        super().__init__(world, late=late)
         robot = world.robot
         self._states = world.states
         self._ctrl = world.ctrl
@@ -134,27 +177,29 @@ class Engine:
         self._free.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         self._data = [mujoco.MjData(self._model) for _ in self._states]
         assert mujoco.mj_stateSize(self._model, _STATE) == self._states.shape[1]
-        self.records = np.zeros(len(self._states), ENGINE)
         always = world.drive.gravity or world.furnish is not None  # floor or walls are touched
         closing = _CLOSING * robot.most_mps / EPUCK.most_mps
+        self.records["near"] = math.inf if always else 2 * robot.body_radius_m + closing
+        self.records["step"] = address()
+        self.records["model"] = self._model._address
+        self.records["free"] = self._free._address
+        self.records["nq"] = self._model.nq
+        self.records["nu"] = self._model.nu
         for record, data in zip(self.records, self._data, strict=True):
-            record["step"] = address()
-            record["model"] = self._model._address
-            record["free"] = self._free._address
             record["data"] = data._address
             record["qpos"] = data.qpos.ctypes.data
             record["ctrl"] = data.ctrl.ctypes.data
-            record["nq"] = self._model.nq
-            record["nu"] = self._model.nu
-            record["substeps"] = world.substeps
-            record["late"] = late
-            record["near"] = math.inf if always else 2 * robot.body_radius_m + closing
 
     def begin(self, formation: int) -> None:
-        """Take a formation's state from its row."""
         mujoco.mj_setState(self._model, self._data[formation], self._states[formation], _STATE)
 
     def end(self, formation: int) -> None:
-        """Put a formation's state into its row; commands that nobody has carried out stay."""
         self._data[formation].ctrl[:] = self._ctrl[formation]
         mujoco.mj_getState(self._model, self._data[formation], self._states[formation], _STATE)
+
+
+def engine_of(world: World, *, late: int) -> Engine | None:
+    """Return a world's physics in compiled code, None where MuJoCo cannot be called from there."""
+    if world.drive.batch is not None:
+        return Engine(world, late=late)
+    return MuJoCo(world, late=late) if address() else None

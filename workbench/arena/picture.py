@@ -67,7 +67,7 @@ def picture(
             "sizes of at least 1 and an angle from 1 to 150 degrees"
         )
     data = mujoco.MjData(world.model)
-    data.qpos[:] = world.qpos[formation]
+    data.qpos[:] = world.joints(formation)
     mujoco.mj_forward(world.model, data)
     origin = np.array(eye, dtype=np.float64)
     rays = _camera_rays(

@@ -102,7 +102,7 @@ class RayProximity:
         """Return (8,) light in counts at gain 1."""
         model = self._model
         data = self._data
-        data.qpos[:] = self.world.qpos[formation]
+        data.qpos[:] = self.world.joints(formation)
         mujoco.mj_kinematics(model, data)
         x, y, heading = self.world.pose(formation, robot)
         body = model.body(f"robot{robot}").id

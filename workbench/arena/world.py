@@ -1,7 +1,8 @@
-"""The world: B formations of one model, stepped by MuJoCo on its own threads.
+"""The world: B formations of one model, stepped by MuJoCo on its own threads, or by a drive that
+needs no engine.
 
 A formation is a line of robots on a track of its own. Its whole physics is one row of ``states``
-(mjSTATE_INTEGRATION, solver warm start included), so that a checkpoint of the physics is an array
+(mjSTATE_INTEGRATION, solver warm start included, where MuJoCo steps), so that a checkpoint of the physics is an array
 copy.
 
 >>> from workbench.arena.tracks import TrackConfig, make_track
@@ -96,7 +97,7 @@ class World:
     Args:
         followers: robots behind the leader; a formation has followers + 1 robots.
         tracks: one track per formation; B is their number.
-        drive: "wheels" or "planar".
+        drive: one of ``drives.table.DRIVES``.
         spacing_m: distance between neighbours at the start.
         line_width_m: width of the black line.
         robot: what the robots are; default the e-puck.
@@ -106,7 +107,8 @@ class World:
 
     Attributes:
         robot, drive, furnish: what the robots are, how they are driven, what else is there.
-        physics, batch: MuJoCo's own objects, open to every use; ``model`` has looks, too.
+        batch: MuJoCo's own, open to every use, or a drive's that does the same.
+        physics: MuJoCo's model; ``model`` has looks, too.
         qpos, ctrl: live (B, nq) and (B, nu) views.
         states: live (B, nstate) rows that hold the whole physics.
         floor: the rasters of the lines, see ``workbench.arena.floor``.
@@ -125,9 +127,6 @@ class World:
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
         stopwatches_off()
-        # what furnishes may know robots by their looks
-        looks = furnish is not None
-        self.physics = build_model(followers + 1, drive, furnish, robot, looks=looks)
         self.robot = robot
         self.furnish = furnish
         self._motors = np.zeros(1, MOTORS)
@@ -143,16 +142,41 @@ class World:
             else os.cpu_count() or 1
         )
         self.threads = max(1, min(threads or cores, len(tracks)))
-        self.batch = mujoco_batch.Batch(self.physics, len(tracks), self.threads)
+        self.batch = self._make_batch()
         self.qpos: NDArray[np.float64] = self.batch.bind("qpos")
         self.ctrl: NDArray[np.float64] = self.batch.bind("ctrl")
-        self.states: NDArray[np.float64] = self.qpos.base  # qpos is a view of the rows
+        # both are views of the rows
+        self.states: NDArray[np.float64] = self.qpos.base
         assert self.states.shape == (len(tracks), self.batch.nstate)
         self.floor = draw_floors(tracks, line_width_m)
         for formation, track in enumerate(tracks):
             self._line_up(formation, track, spacing_m)
         self._time: NDArray[np.float64] = self.batch.bind("time")
         self._start = self.states.copy()
+
+    def _make_batch(self) -> Any:
+        """Return what steps the formations."""
+        if self.drive.batch is None:
+            return mujoco_batch.Batch(self.physics, self.formations, self.threads)
+        if self.furnish is not None:
+            raise ValueError(
+                f"drive = {self.drive.name!r} with furniture; nothing stops a robot there: "
+                "expected 'planar' or 'wheels'"
+            )
+        return self.drive.batch(self.robot, self.robots, self.formations)
+
+    @functools.cached_property
+    def physics(self) -> mujoco.MjModel:
+        """The model that MuJoCo steps. What furnishes may know robots by their looks."""
+        looks = self.furnish is not None
+        return build_model(self.robots, self.drive.name, self.furnish, self.robot, looks=looks)
+
+    def joints(self, formation: int) -> NDArray[np.float64]:
+        """Return the qpos that pose ``model`` as a formation stands."""
+        rows = self.qpos[formation, : self.robots * self.drive.qpos]
+        kept = self.drive.joints or self.drive.qpos
+        posed: NDArray[np.float64] = rows.reshape(self.robots, -1)[:, :kept].ravel()
+        return posed
 
     @functools.cached_property
     def model(self) -> mujoco.MjModel:
@@ -197,11 +221,12 @@ class World:
 
     def place(self, formation: int, robot: int, x: float, y: float, heading: float) -> None:
         """Put a robot at rest at x, y (m) with a heading (rad)."""
-        width = self.drive.qpos
-        row = self.qpos[formation, width * robot : width * (robot + 1)]
-        row[:] = self.drive.at_rest(self.robot, x, y, heading)
-        dofs = self.physics.nv // self.robots
-        self.batch.bind("qvel")[formation, dofs * robot : dofs * (robot + 1)] = 0
+        at_rest = self.drive.at_rest(self.robot, x, y, heading)
+        begin = self.drive.qpos * robot
+        self.qpos[formation, begin : begin + len(at_rest)] = at_rest
+        speeds = self.batch.bind("qvel")[formation]
+        dofs = speeds.size // self.robots
+        speeds[dofs * robot : dofs * (robot + 1)] = 0
         count = len(self.drive.actuators)
         self.ctrl[formation, count * robot : count * (robot + 1)] = 0
 

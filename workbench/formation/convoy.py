@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.camera.eyes import Eyes
-from workbench.arena.engine import ENGINE, Engine, address
+from workbench.arena.engine import ENGINE, Engine, engine_of
 from workbench.arena.world import World
 from workbench.formation.body import draw_bodies
 from workbench.formation.config import ConvoyConfig
@@ -264,11 +264,9 @@ class Convoy:
         """The physics in compiled code; None with pictures, which need Python in every period, and
         where MuJoCo cannot be called from there.
         """
-        if self.eyes or not address():
-            return None
-        world = self.world
-        engine = Engine(world, late=self.config.delay_steps)
-        self._arrays.engines[:] = engine.records
+        engine = None if self.eyes else engine_of(self.world, late=self.config.delay_steps)
+        if engine is not None:
+            self._arrays.engines[:] = engine.records
         return engine
 
     @property

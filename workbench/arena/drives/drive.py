@@ -29,6 +29,8 @@ class Drive:
         per_step: what an actuator's unit per second is for one step/s of a wheel.
         add: adds the body with its actuators to a specification.
         read: compiled (qpos, robot) -> x, y in m, cosine and sine of the heading.
+        joints: of qpos that MuJoCo's model of the robot has, the first ones; 0: all.
+        batch: (robot, robots, formations) -> what steps them in the place of MuJoCo's batch.
     """
 
     name: str
@@ -41,6 +43,8 @@ class Drive:
     axle_m: Callable[[RobotConfig], float]
     per_step: Callable[[RobotConfig], float]
     read: Any
+    joints: int = 0
+    batch: Callable[[RobotConfig, int, int], Any] | None = None
 
     def __post_init__(self) -> None:
         steps = CONTROL_PERIOD / self.timestep_s
