@@ -222,9 +222,6 @@ class Convoy:
         self._trace_values = np.zeros((count, n, 2, index.size))
         self._waiting = np.zeros_like(self.world.ctrl)  # commands that wait for an update
         self._chance = np.zeros((count, BLOCK, n + 1), CHANCE)
-        self._drawn = [
-            np.zeros(self._chance[draw.field][0, :, draw.robots].shape) for draw in self._draws
-        ]
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         self._sights = np.zeros((count, n + 1, 4))
         self._arrays = Arrays(
@@ -258,6 +255,11 @@ class Convoy:
     def _run_formation(self) -> Any:
         """The compiled block of one formation, physics included."""
         return _for_types(run_formation, 0, False, 0, self._arrays)
+
+    @functools.cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        """The threads that run formations."""
+        return ThreadPoolExecutor(self.world.threads)
 
     @functools.cached_property
     def _engine(self) -> Engine | None:
@@ -327,12 +329,12 @@ class Convoy:
                 sizes.
             RuntimeError: the physics became unstable.
         """
-        self._draw()
         before = self.periods.copy()
         engine = self._engine
         if engine is not None:
             self._run_formations(engine)
         else:
+            self._draw_all()
             self._run_periods()
         for b, done in enumerate(self.periods - before):
             self._block[b, done:] = _UNUSED
@@ -351,11 +353,11 @@ class Convoy:
             for b in waiting:
                 self._run_one(physics, b)
             return
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(lambda b: self._run_one(physics, b), waiting))
+        list(self._pool.map(lambda b: self._run_one(physics, b), waiting))
 
     def _run_one(self, physics: Engine, b: int) -> None:
         """Run a block of one formation."""
+        self._draw(b)
         physics.begin(b)
         t, flags = self._run_formation(0, False, b, self._arrays)
         while flags:
@@ -400,7 +402,7 @@ class Convoy:
             (B, followers + 1) of type PERIOD, a view: what happened.
         """
         if t % BLOCK == 0:
-            self._draw()
+            self._draw_all()
         if self.eyes:
             self.look()
         flags = self._act_all(t % BLOCK, self._arrays)
@@ -466,13 +468,17 @@ class Convoy:
             robot["reset"]["phase"] = FOLLOW
             robot["reset"]["timer"] = 0
 
-    def _draw(self) -> None:
-        """Draw the chance of one block."""
-        for b, rng in enumerate(self.rngs):
-            for draw, drawn in zip(self._draws, self._drawn, strict=True):
-                stream = rng[draw.stream]
-                (stream.random if draw.uniform else stream.standard_normal)(out=drawn)
-                self._chance[draw.field][b, :, draw.robots] = drawn
+    def _draw_all(self) -> None:
+        """Draw the chance of one block for all formations."""
+        for b in range(len(self.seeds)):
+            self._draw(b)
+
+    def _draw(self, b: int) -> None:
+        """Draw a formation's chance of one block."""
+        for draw in self._draws:
+            stream = self.rngs[b][draw.stream]
+            into = self._chance[draw.field][b, :, draw.robots]
+            into[:] = (stream.random if draw.uniform else stream.standard_normal)(into.shape)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that the next block depends on, as copies of plain arrays."""

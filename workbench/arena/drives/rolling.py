@@ -34,6 +34,7 @@ TURN_LAG = 0.0015  # s, τ_ω
 TOUCHING = 69.8 / 70.0  # of two radii, to which robots are pushed apart
 PASSES = 4  # of pushing, at most, in a period
 WIDTH = 6  # numbers of a robot in a row
+APART = 16  # numbers that keep rows of two threads on different cache lines
 TIMESTEP = 0.02  # s: what a compute time is a multiple of
 
 
@@ -142,12 +143,12 @@ class Rolling:
 
     def __init__(self, robot: RobotConfig, robots: int, formations: int) -> None:
         width = WIDTH * robots + 1  # the last one is the clock
-        self.nstate = width + 2 * robots
+        self.nstate = width + 2 * robots + APART
         states = np.zeros((formations, self.nstate))
         self._views = {
             "qpos": states[:, :width],
             "time": states[:, width - 1],
-            "ctrl": states[:, width:],
+            "ctrl": states[:, width : width + 2 * robots],
             "qvel": states[:, :0],
         }
         self._views["qpos"][:, 5 : WIDTH * robots : WIDTH] = np.arange(robots)
