@@ -105,6 +105,21 @@ def _configs():
             infrared, sensing="ir-raw", infrared=InfraredConfig(**changes), distance_m=(0.08, 0.115)
         )
         cases[f"infrared {name}"] = (seen, learn)
+    # rolling
+    rolling = replace(planar, drive="rolling")
+    cases["rolling"] = (rolling, learn)
+    cases["rolling, recommended"] = (
+        replace(SETTINGS["recommended"], drive="rolling"),
+        learn | {"seeds": (5, 1, 4)},
+    )
+    cases["rolling, infrared"] = (replace(infrared, drive="rolling", sensing="ir-raw"), learn)
+    cases["rolling, camera, restart"] = (
+        replace(rolling, sensing="camera", reset="restart"),
+        learn,
+    )
+    cases["rolling, touching"] = (replace(rolling, distance_m=(0.0702, 0.09)), learn)
+    late = LearnerConfig(buffer=False)
+    cases["rolling, slow"] = (replace(rolling, learner=late, compute_time_s=0.04), learn)
     # laws
     for name, law in LAWS.items():
         for drive in ("wheels", "planar"):
@@ -180,6 +195,7 @@ def _configs():
     }.items():
         cases[f"body {name}"] = (replace(planar, body=body), learn)
     everything = cases["body everything"][0].body
+    cases["body, rolling"] = (replace(rolling, body=everything), learn)
     cases["body, wheels"] = (replace(wheels, body=everything), learn)
     cases["body, infrared"] = (replace(infrared, sensing="ir-raw", body=everything), learn)
     cases["body, camera"] = (replace(planar, sensing="camera", body=everything), learn)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from workbench.arena.floor import FAR
 from workbench.arena.tracks import TrackConfig
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
@@ -174,7 +175,7 @@ def test_the_leader_follows_the_line_with_its_ground_sensors(drive, shape, direc
 
 def test_the_leader_does_not_know_the_track():
     convoy = Convoy(replace(PLANAR, followers=1), (1,), steps=10**6)
-    convoy.world.floor.raster[:] = 0  # the line is gone: it cannot follow what it does not see
+    convoy.world.floor.raster[:] = FAR  # the line is gone: it cannot follow what it does not see
     leader = convoy.run_block()[0, :300, 0]
     path = np.column_stack([leader["x"], leader["y"]]).astype(float)
     assert np.abs(convoy.world.tracks[0].deviation(path)).max() > 0.05

@@ -1,18 +1,18 @@
-"""The floor as the ground sensors see it: rasters of darkness, 0 on white and 1 on the black line.
+"""The floor as the ground sensors see it: how far every place is from the edge of the black line.
 
-The juddered line of every formation is drawn once; its edge is softened by the radius of a ground
-sensor's spot, so that a single look-up is the share of the spot that is black (exact for an edge
-much longer than the spot, our approximation at crossings).
+The juddered line of every formation is drawn once, as a raster of distances from its edge, which is
+smooth where darkness is not: read between cells, the edge is as sharp as a real sensor sees it
+(``robot.ground.SPOT``). A look-up is the share of the sensor's spot that is black, exact for an
+edge much longer than the spot, our approximation at crossings.
 
 >>> from workbench.arena.tracks import TrackConfig, make_track
 >>> floor = draw_floors([make_track(TrackConfig(judder="none"), np.random.default_rng(0))], 0.015)
->>> at = (floor.raster[0], floor.column0, floor.row0)
->>> [round(floor_darkness(*at, x, 0.0), 2) for x in (0.5, 0.4)]
+>>> floor.darkness(0, np.array([[0.5, 0.0], [0.4, 0.0]])).round(2).tolist()
 [1.0, 0.0]
 
-Contract: a raster is uint8, row = y, column = x. Cell (i, j) has its centre at x = (column0 + j) ·
-CELL, y = (row0 + i) · CELL: the lattice is the same for all floors, so that what a sensor reads
-does not depend on which other tracks share a batch.
+Contract: a raster is int16, micrometres, negative on black, row = y, column = x. Cell (i, j) has
+its centre at x = (column0 + j) · CELL, y = (row0 + i) · CELL: the lattice is the same for all
+floors, so that what a sensor reads does not depend on which other tracks share a batch.
 """
 
 import math
@@ -24,22 +24,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.tracks import SPACING, Track
-from workbench.compiled import compiled
+from workbench.compiled import compiled, compiled_with_arrays
 from workbench.robot.ground import SPOT
 
 CELL = 0.002  # m
+FAR = 32767  # µm from the line, or farther
 _MARGIN = 25  # cells of white around a narrow line
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Rasters (B, rows, columns) of darkness 0 to 255, and the lattice index of their first row and
-    column.
+    """Rasters (B, rows, columns) of distances from the line's edge in µm, and the lattice index of
+    their first row and column.
     """
 
-    raster: NDArray[np.uint8]
+    raster: NDArray[np.int16]
     column0: int
     row0: int
+
+    def darkness(self, formation: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the darkness in [0, 1] of points (n, 2) of a formation's floor in m."""
+        dark: NDArray[np.float64] = _darkness(
+            self.raster[formation], self.column0, self.row0, np.ascontiguousarray(points)
+        )
+        return dark
 
 
 def draw_floors(tracks: Sequence[Track], line_width_m: float) -> Floor:
@@ -54,38 +62,40 @@ def draw_floors(tracks: Sequence[Track], line_width_m: float) -> Floor:
         + margin
     )
     columns, rows = (int(n) + 1 for n in high - low)
-    raster = np.stack([_draw(track, line_width_m, low, (rows, columns)) for track in tracks])
+    raster = np.full((len(tracks), rows, columns), FAR, np.int16)
+    # fewer points do for a wide line
+    every = max(1, int(line_width_m / 2 / SPACING / 6))
+    for own, track in zip(raster, tracks, strict=True):
+        line = np.ascontiguousarray(track.line[::every])
+        _draw(own, line, line_width_m / 2, _reach(line_width_m), int(low[0]), int(low[1]))
     return Floor(raster, int(low[0]), int(low[1]))
 
 
 def _reach(line_width_m: float) -> int:
-    """Return how many cells from a point of the line there may be darkness."""
-    return math.ceil((line_width_m / 2 + SPOT) / CELL) + 1
+    """Return how many cells from a point of the line a look-up may need a distance."""
+    return math.ceil((line_width_m / 2 + SPOT) / CELL) + 2
 
 
-def _draw(
-    track: Track, line_width_m: float, low: NDArray[np.int64], shape: tuple[int, int]
-) -> NDArray[np.uint8]:
-    reach = _reach(line_width_m)
-    window = range(-reach, reach + 1)
-    nearest = np.full(shape, np.inf)
-    line = track.line[
-        :: max(1, int(line_width_m / 2 / SPACING / 6))
-    ]  # fewer points do for a wide line
-    cells = np.round(line / CELL).astype(int)
-    for dy in window:
-        for dx in window:
-            column, row = cells[:, 0] + dx, cells[:, 1] + dy
-            gap = np.hypot(column * CELL - line[:, 0], row * CELL - line[:, 1])
-            np.minimum.at(nearest, (row - low[1], column - low[0]), gap)
-    dark = np.clip((line_width_m / 2 + SPOT - nearest) / (2 * SPOT), 0.0, 1.0)
-    return np.round(255 * dark).astype(np.uint8)
+@compiled
+def _draw(raster: Any, line: Any, half: float, reach: int, column0: int, row0: int) -> None:
+    """Write the distances of cells that are near a line (n, 2), half of whose width is given."""
+    for n in range(line.shape[0]):
+        x, y = line[n, 0], line[n, 1]
+        column = int(round(x / CELL))
+        row = int(round(y / CELL))
+        for i in range(row - reach, row + reach + 1):
+            dy = i * CELL - y
+            for j in range(column - reach, column + reach + 1):
+                dx = j * CELL - x
+                away = int(round(1e6 * (math.sqrt(dx * dx + dy * dy) - half)))
+                if away < raster[i - row0, j - column0]:
+                    raster[i - row0, j - column0] = max(away, -FAR)
 
 
 @compiled
 def floor_darkness(raster: Any, column0: int, row0: int, x: float, y: float) -> float:
-    """Return the darkness in [0, 1] of one floor (rows, columns) at x, y (m): bilinear, white
-    outside.
+    """Return the darkness in [0, 1] of one floor (rows, columns) at x, y (m): distances are read
+    bilinearly; white outside.
     """
     column, row = math.floor(x / CELL), math.floor(y / CELL)
     j = column - column0
@@ -95,5 +105,13 @@ def floor_darkness(raster: Any, column0: int, row0: int, x: float, y: float) -> 
     u, v = x / CELL - column, y / CELL - row
     low = (1.0 - u) * raster[i, j] + u * raster[i, j + 1]
     high = (1.0 - u) * raster[i + 1, j] + u * raster[i + 1, j + 1]
-    dark: float = ((1.0 - v) * low + v * high) / 255.0
+    away = 1e-6 * ((1.0 - v) * low + v * high)
+    return min(max(0.5 - away / (2.0 * SPOT), 0.0), 1.0)
+
+
+@compiled_with_arrays
+def _darkness(raster: Any, column0: int, row0: int, points: Any) -> Any:
+    dark = np.empty(points.shape[0])
+    for n in range(points.shape[0]):
+        dark[n] = floor_darkness(raster, column0, row0, points[n, 0], points[n, 1])
     return dark

@@ -19,7 +19,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arena.floor import CELL
 from workbench.arena.world import World
 from workbench.robot.infrared import BEARINGS, RING
 
@@ -83,7 +82,7 @@ def picture(
     colour = np.tile(SKY, (len(rays), 1))
     colour[hit] = world.model.geom_rgba[geom[hit], :3]
     floor = hit & (geom == world.model.geom("floor").id)
-    dark = _floor_colour(world, formation, points[floor])
+    dark = world.floor.darkness(formation, points[floor, :2])
     colour[floor] = colour[floor] * (1 - dark[:, None]) + INK * dark[:, None]
     if sensors:
         cone = _cones(world, formation, points[floor])[:, None]
@@ -167,16 +166,3 @@ def _cones(world: World, formation: int, points: Floats) -> Floats:
                 share[near[inside]], 0.75 - 0.45 * far[inside] / length
             )
     return share
-
-
-def _floor_colour(world: World, formation: int, points: Floats) -> Floats:
-    """Return the darkness in [0, 1] of floor points, from the raster that the ground sensors
-    read.
-    """
-    raster = world.floor.raster[formation]
-    column = np.round(points[:, 0] / CELL).astype(int) - world.floor.column0
-    row = np.round(points[:, 1] / CELL).astype(int) - world.floor.row0
-    inside = (column >= 0) & (column < raster.shape[1]) & (row >= 0) & (row < raster.shape[0])
-    dark = np.zeros(len(points))
-    dark[inside] = raster[row[inside], column[inside]] / 255.0
-    return dark

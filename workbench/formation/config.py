@@ -61,7 +61,7 @@ class ConvoyConfig:
         1.0,
         1000.0,
         "counts",
-        "infrared readings below it do not count as seen; 12 are five standard deviations",
+        "infrared readings below it do not count as seen; 12 are ten standard deviations",
         default=12.0,
     )
     track: TrackConfig = part(TrackConfig, "the line on the floor", default=TrackConfig())

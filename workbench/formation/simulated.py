@@ -37,7 +37,7 @@ from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
-from workbench.formation.senses.infrared import sense_proximity
+from workbench.formation.senses.infrared import ALL, sense_proximity
 from workbench.formation.senses.table import INFRARED
 from workbench.formation.senses.truth import observe
 from workbench.formation.streams import own_chance
@@ -55,7 +55,7 @@ def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
     """Read the proximity sensors of robot i, see ``formation.senses.infrared.sense_proximity``;
     ``task`` is (1,).
     """
-    sense_proximity(task[0], robots, i, noise)
+    sense_proximity(task[0], robots, i, noise, ALL)
 
 
 @compiled

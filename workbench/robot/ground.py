@@ -5,8 +5,9 @@ Values from real e-puck2 ground modules over bars: white 930 to 965; the lowest 
 sensor, left/centre/right, is 338/287/367 (a), 485/353/412 (b) and 247/271/299 (c); noise about 1.5
 counts (standard deviation). ``validate infrared`` finds module b in three recordings (github
 Wii42/Robotics_Project); no recording at hand shows a or c. The response between white and black is
-taken as linear in the dark share of the sensor's spot: our assumption. Places: see
-``robot.geometry``, 10 mm apart.
+taken as linear in the dark share of the sensor's spot: our assumption. The spot is as wide as real
+edges of a line are: from 10 to 90 % within 1.0 to 1.6 mm. Places: see ``robot.geometry``, 10 mm
+apart.
 
 >>> float(round(ground_reading(1.0, 948.0, 338.0, 0.0)))
 338.0
@@ -23,7 +24,7 @@ MODULES = {
     "c": (247.0, 271.0, 299.0),
 }  # counts on black
 NOISE = 1.5  # counts, standard deviation per reading
-SPOT = 0.003  # m, radius of the floor spot that a sensor sees: our assumption
+SPOT = 0.0008  # m, radius of the floor spot that a sensor sees: edges of 1.3 mm (10 to 90 %)
 
 
 @compiled

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.arena.camera.config import CameraConfig
+from workbench.arena.floor import FAR
 from workbench.arena.proximity import add_box
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
@@ -176,7 +177,7 @@ def test_the_leader_follows_the_line_on_sensors_of_its_own_and_stops_where_there
     convoy = Convoy(
         ConvoyConfig(followers=1, drive="planar"), [1], periods=100, policy=np.zeros((1, 81, 49))
     )
-    convoy.world.floor.raster[:] = 0  # the line is gone
+    convoy.world.floor.raster[:] = FAR  # the line is gone
     steps = convoy.run_block()[0][:100, 0]
     assert np.all(steps["left"][40:] == 0) and np.all(steps["right"][40:] == 0)
 

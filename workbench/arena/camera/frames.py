@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from workbench.arena.camera.config import CONDITIONS
 from workbench.arena.camera.optics import MARKER_HEIGHT, Camera, dictionary
-from workbench.arena.floor import CELL, Floor
+from workbench.arena.floor import Floor
 from workbench.robot.geometry import BODY_RADIUS
 
 Picture = NDArray[np.uint8]
@@ -103,17 +103,8 @@ class Frames:
         points = self.camera.truth().plane_points(
             np.column_stack([columns.ravel(), rows.ravel()]), 0.0
         )
-        u = (points[:, 0] / CELL - floor.column0).reshape(height, width).astype(np.float32)
-        v = (points[:, 1] / CELL - floor.row0).reshape(height, width).astype(np.float32)
-        dark = cv2.remap(
-            floor.raster[formation],
-            u,
-            v,
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=0,
-        )
-        background: Picture = np.round(FLOOR + (LINE - FLOOR) * (dark / 255.0)).astype(np.uint8)
+        dark = floor.darkness(formation, points[:, :2]).reshape(height, width)
+        background: Picture = np.round(FLOOR + (LINE - FLOOR) * dark).astype(np.uint8)
         return background
 
     def _draw_robot(
