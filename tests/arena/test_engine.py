@@ -21,6 +21,11 @@ CASES = {
     "late": replace(PLANAR, compute_time_s=0.04, learner=UNBUFFERED),
     "late restart": replace(PLANAR, compute_time_s=0.1, learner=UNBUFFERED, reset="restart"),
     "infrared": replace(SETTINGS["infrared"], drive="planar"),
+    "rolling": replace(PLANAR, drive="rolling"),
+    "rolling late": replace(PLANAR, drive="rolling", compute_time_s=0.04, learner=UNBUFFERED),
+    "rolling late restart": replace(
+        PLANAR, drive="rolling", compute_time_s=0.1, learner=UNBUFFERED, reset="restart"
+    ),
 }
 
 
@@ -42,10 +47,12 @@ def test_blocks_in_compiled_code_are_the_batchs_to_the_last_bit(name):
         np.testing.assert_array_equal(left, right)
 
 
-def test_a_checkpoint_is_the_same_on_both_ways():
-    _, whole = _run(PLANAR, batch=True, blocks=4)
-    first, _ = _run(PLANAR, batch=False, blocks=2)
-    second = Convoy(PLANAR, (1, 2, 3), steps=25_000)
+@pytest.mark.parametrize("drive", ["planar", "rolling"])
+def test_a_checkpoint_is_the_same_on_both_ways(drive):
+    config = replace(PLANAR, drive=drive)
+    _, whole = _run(config, batch=True, blocks=4)
+    first, _ = _run(config, batch=False, blocks=2)
+    second = Convoy(config, (1, 2, 3), steps=25_000)
     second.load(first.state())
     assert [second.run_block().tobytes() for _ in range(2) if not second.finished] == whole[2:]
 

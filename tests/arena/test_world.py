@@ -15,7 +15,7 @@ def _tracks(count, **kinds):
 
 
 @pytest.mark.parametrize("shape", ["circle", "stadium", "eight"])
-@pytest.mark.parametrize("drive", ["wheels", "planar"])
+@pytest.mark.parametrize("drive", ["wheels", "planar", "rolling"])
 def test_robots_line_up_at_the_wanted_distance_looking_ahead(shape, drive):
     world = World(4, _tracks(1, shape=shape), drive=drive, spacing_m=0.15)
     for robot in range(1, 5):
@@ -25,7 +25,7 @@ def test_robots_line_up_at_the_wanted_distance_looking_ahead(shape, drive):
         assert heading == pytest.approx(math.atan2(ahead[1] - y, ahead[0] - x))
 
 
-@pytest.mark.parametrize("drive", ["wheels", "planar"])
+@pytest.mark.parametrize("drive", ["wheels", "planar", "rolling"])
 def test_physics_is_the_same_to_the_byte_at_any_number_of_threads(drive):
     def run(threads, count):
         world = World(3, _tracks(count), drive=drive, spacing_m=0.15, threads=threads)

@@ -1,10 +1,10 @@
 """Physics in compiled code, so that a whole block of control periods needs no Python: MuJoCo by the
 address of ``mj_step``, or a drive that needs no engine.
 
-With MuJoCo a formation has an MjData of its own and two models: the world's, and the same without contacts, for
-as long as no two robots can touch before the next look. What robots do is the same to the last bit
-as by ``mujoco.batch`` (a test compares), which remains for machines where the address is not found
-or does something else, and can be asked for by WORKBENCH_BATCH=1.
+With MuJoCo a formation has an MjData of its own and two models: the world's, and the same without
+contacts, for as long as no two robots can touch before the next look. What robots do is the same to
+the last bit as by ``mujoco.batch`` (a test compares), which remains for machines where the address
+is not found or does something else, and can be asked for by WORKBENCH_BATCH=1.
 
 Contract: between blocks a formation's state is its row of ``World.states``; ``begin`` takes it from
 there, ``end`` puts it back.

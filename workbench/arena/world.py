@@ -2,8 +2,8 @@
 needs no engine.
 
 A formation is a line of robots on a track of its own. Its whole physics is one row of ``states``
-(mjSTATE_INTEGRATION, solver warm start included, where MuJoCo steps), so that a checkpoint of the physics is an array
-copy.
+(where MuJoCo steps, mjSTATE_INTEGRATION, solver warm start included), so that a checkpoint of the
+physics is an array copy.
 
 >>> from workbench.arena.tracks import TrackConfig, make_track
 >>> track = make_track(TrackConfig(judder="none"), np.random.default_rng(0))

@@ -192,7 +192,7 @@ def test_sensed_poses_of_model_and_pixels_have_the_same_errors(conditions):
         config = ConvoyConfig(followers=2, drive="planar", sensing=sensing, camera=camera)
         convoy = Convoy(config, [1], periods=10**6, policy=np.zeros((1, 81, 49)), external=2)
         rows = []
-        for t in range(60):
+        for t in range(300):  # half a loop: what a picture adds depends on the heading
             convoy.period(t)
             rows.append(
                 [

@@ -37,7 +37,7 @@ from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import TrackConfig, make_track
 from workbench.arena.world import World
 from workbench.lab.storage import write_json, write_table
-from workbench.robot.geometry import STEP, STEPS_PER_TURN
+from workbench.robot.description import EPUCK
 from workbench.robot.motors import motor_speed, motor_speed_epuck2
 
 Floats = NDArray[np.float64]
@@ -107,7 +107,7 @@ def replay(drive: str, rule: str, times_s: Floats, commands: Floats) -> Floats:
     from time 0 on.
 
     Args:
-        drive: "wheels" or "planar".
+        drive: one of ``drives.table.DRIVES``.
         rule: whose firmware makes a speed of a command, one of RULES.
         times_s, commands: (K,) when each command begins, rising from 0 or later, and the command of
             both wheels in steps/s; it holds until the next. The replay ends with the last time.
@@ -120,7 +120,7 @@ def replay(drive: str, rule: str, times_s: Floats, commands: Floats) -> Floats:
     )
     world.place(0, 0, 0.0, 0.0, 0.0)
     begin = np.round(times_s / DRIVES[drive].timestep_s).astype(int)
-    scale = 2 * math.pi / STEPS_PER_TURN if drive == "wheels" else STEP
+    scale = DRIVES[drive].per_step(EPUCK)
     speeds = np.array([RULES[rule](round(command)) for command in commands]) * scale
     driven = np.zeros(begin[-1] + 1)
     active = np.searchsorted(begin, np.arange(driven.size), side="right") - 1
