@@ -31,7 +31,7 @@ def cases() -> Sequence[Case]:
         )
     ]
     settings = [
-        ("setting", name, replace(SETTINGS[name], drive="planar"))
+        ("setting", name, replace(SETTINGS[name], drive="rolling"))
         for name in ("paper", "paper-robot")
     ]
     return [

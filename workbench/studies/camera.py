@@ -12,11 +12,11 @@ from workbench.studies.camera_trials import measure_camera
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     bad = CameraConfig(conditions="bad", latency_s=0.1, dropout=0.1)
-    base = ConvoyConfig(drive="planar", sensing="camera")
+    base = ConvoyConfig(drive="rolling", sensing="camera")
     return [
-        ({"drive": "planar", "sensing": "truth"}, replace(base, sensing="truth")),
-        ({"drive": "planar", "sensing": "camera"}, base),
-        ({"drive": "planar", "sensing": "bad camera"}, replace(base, camera=bad)),
+        ({"drive": "rolling", "sensing": "truth"}, replace(base, sensing="truth")),
+        ({"drive": "rolling", "sensing": "camera"}, base),
+        ({"drive": "rolling", "sensing": "bad camera"}, replace(base, camera=bad)),
         ({"drive": "wheels", "sensing": "camera"}, replace(base, drive="wheels")),
     ]
 

@@ -1,7 +1,7 @@
 """Conditions that several studies start from, and how they are varied.
 
-Studies run on the planar drive, 200 000 updates and a greedy evaluation of 20 simulated minutes
-each, ten seeds, unless they say otherwise.
+Studies run on the drive that rolls (``studies.drives`` compares it with wheels), 200 000 updates
+and a greedy evaluation of 20 simulated minutes each, ten seeds, unless they say otherwise.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from workbench.lab.study import Labels
 from workbench.learning.config import LearnerConfig
 from workbench.robot.infrared import InfraredConfig
 
-BASE = ConvoyConfig(drive="planar")
-ROBOT = replace(SETTINGS["paper-robot"], drive="planar")
-LOGARITHMIC = replace(SETTINGS["logarithmic"], drive="planar")
+BASE = ConvoyConfig(drive="rolling")
+ROBOT = replace(SETTINGS["paper-robot"], drive="rolling")
+LOGARITHMIC = replace(SETTINGS["logarithmic"], drive="rolling")
 OTHER = BodyConfig(wheel_spread=0.02, axle_spread=0.02)  # robots that are not alike
 HORIZON = 1_000_000  # updates of the study of smoothness, over which ε falls
 # how a trial's main numbers are called on axes
@@ -45,7 +45,7 @@ def with_infrared(config: ConvoyConfig, **changes: float | str | bool) -> Convoy
 
 def routes() -> dict[str, tuple[ConvoyConfig, int]]:
     """Return by which a follower can be told where its predecessor is, and for how many updates."""
-    infrared = replace(SETTINGS["infrared"], drive="planar", followers=1)
+    infrared = replace(SETTINGS["infrared"], drive="rolling", followers=1)
     camera = {"camera": (replace(BASE, sensing="camera"), 200_000)}
     return camera | {route: (replace(infrared, sensing=route), 100_000) for route in INFRARED}
 

@@ -47,6 +47,7 @@ def cases() -> Sequence[Case]:
             ):
                 config = replace(
                     SETTINGS[name],
+                    drive="rolling",
                     noise_distance_m=mm / 1000,
                     noise_bearing_rad=math.radians(degrees),
                 )

@@ -25,12 +25,12 @@ from workbench.studies.transfer_trials import (
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     infrared = replace(
-        SETTINGS["infrared"], drive="planar", state_tiles=(5, 5), action_levels=(3, 3)
+        SETTINGS["infrared"], drive="rolling", state_tiles=(5, 5), action_levels=(3, 3)
     )
     settings = {
-        "paper, on wheels": (SETTINGS["paper"], 400_000),
+        "paper": (replace(SETTINGS["paper"], drive="rolling"), 400_000),
         "paper-robot, camera": (replace(ROBOT, sensing="camera"), 400_000),
-        "recommended": (replace(SETTINGS["recommended"], drive="planar"), 400_000),
+        "recommended": (replace(SETTINGS["recommended"], drive="rolling"), 400_000),
     } | {f"5×5/3×3, {route}": (replace(infrared, sensing=route), 200_000) for route in INFRARED}
     cases: list[Case] = []
     for name, (config, steps) in settings.items():
@@ -134,7 +134,7 @@ def copied_over_own(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
 
 def in_line(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw errors by place in line with four kinds of weights, paper's setting."""
-    places = errors_in_line(table, "paper, on wheels")
+    places = errors_in_line(table, "paper")
     fig = Figure(figsize=(9.6, 3.6), layout="constrained")
     axes = fig.subplots(1, 2, sharey=True)
     for ax, (robots, part) in zip(axes, places.groupby("robots"), strict=True):

@@ -1,4 +1,4 @@
-"""Does a formation on a cheaper drive learn and follow as on wheels?"""
+"""Does a formation on a cheaper drive learn, follow and move as on wheels?"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,68 +9,86 @@ from matplotlib.figure import Figure
 from workbench.arena.drives.table import DRIVES
 from workbench.formation.config import SETTINGS
 from workbench.lab.study import Case, Study
+from workbench.lab.trial import Trial
 from workbench.measures.comparisons import by_quantity, difference
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import dot_panels
-from workbench.studies.conditions import GREEDY, LOSSES_AND_GREEDY
+from workbench.studies.motion_trials import measure_rival
 
-# what a drive may differ by from wheels, set before the data: losses by a share, mm, degrees
-MARGINS = {"losses": 0.25, **dict(zip(GREEDY, (0.5, 0.25), strict=True))}
+LEARNING = 400_000  # updates
+# who drives: the learner in two settings, and a classical law
+WHO = {"paper": "learner", "recommended": "learner", "carrot": "carrot"}
+# what a drive may differ by from wheels, set before the data: words, margin, whether it is a share
+MARGINS = {
+    "learning_losses": ("losses while learning", 0.25, True),
+    "following_rms_distance_mm": ("RMS distance error (mm)", 0.5, False),
+    "following_bearing_std_deg": ("bearing spread (°)", 0.25, False),
+    "judder_mm_1": ("judder of follower 1 (mm)", 0.25, False),
+    "turn_rms_deg_s_1": ("turning above 1 Hz (°/s)", 0.25, True),
+}
 
 
 def cases() -> Sequence[Case]:
     """Return the conditions."""
-    return [
-        ({"setting": name, "drive": drive}, replace(SETTINGS[name], drive=drive))
-        for name in ("paper", "recommended")
-        for drive in DRIVES
-    ]
+    found: list[Case] = []
+    for who, controller in WHO.items():
+        base = SETTINGS["recommended" if who == "recommended" else "paper"]
+        for drive in DRIVES:
+            config = replace(base, drive=drive)
+            trial = Trial(config=config, controller=controller, steps=LEARNING, minutes=30.0)
+            found.append(({"driver": who, "drive": drive}, trial))
+    return found
 
 
 def from_wheels(table: pd.DataFrame) -> pd.DataFrame:
-    """Return differences from wheels by quantity, setting and drive, with their margin, and whether
+    """Return differences from wheels by quantity, driver and drive, with their margin, and whether
     the whole interval lies within it.
     """
     parts = []
-    for quantity, margin in MARGINS.items():
-        wheels = table[table["drive"] == "wheels"].groupby("setting")[quantity].mean()
-        apart = difference(table, ["setting", "drive"], quantity, {"drive": "wheels"})
-        share = apart["setting"].map(wheels) if quantity == "losses" else 1.0
-        parts.append(apart.assign(quantity=quantity, margin=margin * share))
+    for quantity, (_, margin, share) in MARGINS.items():
+        of = table.dropna(subset=[quantity])
+        wheels = of[of["drive"] == "wheels"].groupby("driver")[quantity].mean()
+        apart = difference(of, ["driver", "drive"], quantity, {"drive": "wheels"})
+        unit = apart["driver"].map(wheels) if share else 1.0
+        parts.append(apart.assign(quantity=quantity, margin=margin * unit))
     lines = pd.concat(parts, ignore_index=True)
     lines = lines[lines["drive"] != "wheels"]
     outside = lines[["low", "high"]].abs().max(axis=1) > lines["margin"]
-    return lines.assign(within=~outside).set_index(["quantity", "setting", "drive"])
+    return lines.assign(within=~outside).set_index(["quantity", "driver", "drive"])
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw losses and greedy errors by setting and drive."""
-    named = table.assign(condition=table["setting"] + ", " + table["drive"])
-    fig = dot_panels(named, "condition", LOSSES_AND_GREEDY, size=(10.8, 2.9))
+    """Draw how drives differ in learning, following and moving."""
+    named = table.assign(condition=table["driver"] + ", " + table["drive"])
+    shown = {name: words for name, (words, _, _) in MARGINS.items() if name in PANELS}
+    fig = dot_panels(named, "condition", shown, size=(11.4, 3.4))
     for ax in fig.axes:
         ax.set_xlim(left=0)
-    return fig, by_quantity(table, ["setting", "drive"], LOSSES_AND_GREEDY)
+    return fig, by_quantity(table, ["driver", "drive"], MARGINS)
 
 
 def verdict(table: pd.DataFrame) -> Verdict:
     """Decide whether every interval of rolling's differences lies within its margin."""
     rolling = from_wheels(table).xs("rolling", level="drive")
-    words = [
-        f"{setting}, {quantity}: {line['value']:+.2f} [{line['low']:+.2f}, {line['high']:+.2f}], "
-        f"margin {line['margin']:.2f}"
-        for (quantity, setting), line in rolling.iterrows()
-    ]
-    because = f"rolling less wheels: {'; '.join(words)}; n = {STUDY.seeds} seeds"
-    claim = "A formation that rolls learns and follows as one on wheels."
+    words = []
+    for (quantity, driver), line in rolling[~rolling["within"]].iterrows():
+        apart = f"{line['value']:+.2f} [{line['low']:+.2f}, {line['high']:+.2f}]"
+        words.append(f"{driver}, {MARGINS[quantity][0]}: {apart}, margin {line['margin']:.2f}")
+    outside = f"; not: {'; '.join(words)}" if words else ""
+    because = (
+        f"{int(rolling['within'].sum())} of {len(rolling)} intervals of the difference lie within "
+        f"their margins{outside}; n = {STUDY.seeds} seeds"
+    )
+    claim = "A formation that rolls without an engine learns, follows and moves as one on wheels."
     return Verdict("drives", claim, ruling(*rolling["within"]), because)
 
 
+PANELS = ("learning_losses", "following_rms_distance_mm", "turn_rms_deg_s_1")
 STUDY = Study(
     "drives",
     __doc__,
     cases,
-    steps=400_000,
-    minutes=30.0,
+    function=measure_rival,
     seeds=20,
     plots={"drives_learning": plot},
     verdicts={"drives": verdict},

@@ -20,7 +20,7 @@ def cases() -> Sequence[Case]:
     """Return the conditions."""
     cases: list[Case] = []
     for route in INFRARED:
-        base = replace(SETTINGS["infrared"], drive="planar", followers=1, sensing=route)
+        base = replace(SETTINGS["infrared"], drive="rolling", followers=1, sensing=route)
         worlds = {
             "as assumed": base,
             "linear tiles": replace(base, distance_tiling="uniform", bearing_tiling="uniform"),

@@ -16,7 +16,7 @@ from workbench.studies.off_policy_trials import measure_off_policy
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     small = replace(
-        SETTINGS["infrared"], drive="planar", followers=1, state_tiles=(5, 5), action_levels=(3, 3)
+        SETTINGS["infrared"], drive="rolling", followers=1, state_tiles=(5, 5), action_levels=(3, 3)
     )
     return [({"route": route}, replace(small, sensing=route)) for route in INFRARED]
 

@@ -1,4 +1,4 @@
-"""How do the settings follow on wheels?"""
+"""How do the settings follow?"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ def cases() -> Sequence[Case]:
     )  # the smallest table that follows well
     settings["recommended, 3×3 actions"] = replace(SETTINGS["recommended"], action_levels=(3, 3))
     return [
-        ({"setting": name}, replace(config, drive="wheels")) for name, config in settings.items()
+        ({"setting": name}, replace(config, drive="rolling")) for name, config in settings.items()
     ]
 
 

@@ -22,7 +22,7 @@ def cases() -> Sequence[Case]:
     """Return the conditions."""
     cases: list[Case] = []
     for setting, alphas in (("paper", (0.03, 0.1, 0.3)), ("recommended", (0.1,))):
-        base = replace(SETTINGS[setting], drive="planar")
+        base = replace(SETTINGS[setting], drive="rolling")
         for rule in RIVALS:
             for alpha in alphas:
                 several = (

@@ -1,6 +1,7 @@
 """Is the path a smoothed variant, more so with learning (E5, E6)?"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -22,7 +23,8 @@ def cases() -> Sequence[Case]:
     cases: list[Case] = []
     for name in ("paper", "recommended"):
         for updates in (0, 1_000, 10_000, 100_000, HORIZON):
-            trial = Trial(config=SETTINGS[name], steps=updates, horizon=HORIZON, minutes=20.0)
+            config = replace(SETTINGS[name], drive="rolling")
+            trial = Trial(config=config, steps=updates, horizon=HORIZON, minutes=20.0)
             cases.append(({"setting": name, "updates": updates}, trial))
     return cases
 

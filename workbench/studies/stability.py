@@ -18,7 +18,7 @@ from workbench.studies.motion_trials import measure_stability
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     return [
-        ({"setting": name}, replace(SETTINGS[name], drive="planar"))
+        ({"setting": name}, replace(SETTINGS[name], drive="rolling"))
         for name in ("paper", "recommended")
     ]
 
@@ -104,7 +104,7 @@ def verdict(table: pd.DataFrame) -> Verdict:
         "The robots start to stabilize their behavior from the first follower towards the end of "
         "the line formation."
     )
-    because = f"{'; '.join(words)}{rest}; n = {STUDY.seeds} seeds each, planar drive."
+    because = f"{'; '.join(words)}{rest}; n = {STUDY.seeds} seeds each."
     return Verdict("E4", claim, ruling(*holds, *ordered.values()), because)
 
 
