@@ -3,12 +3,16 @@
 No times are asserted.
 """
 
+import os
+import sys
+import types
 from dataclasses import replace
 
 import pytest
 
 from workbench import bench
 from workbench.formation.config import ConvoyConfig
+from workbench.peers import peers
 
 
 @pytest.mark.parametrize("drive", ["wheels", "planar"])
@@ -16,6 +20,17 @@ def test_bare_physics_reproduces_the_recorded_block_exactly(drive):
     loop = bench._Loop(replace(ConvoyConfig(), drive=drive))
     loop.turn()  # raises if the replay ends anywhere else
     assert len(loop.full) == len(loop.bare) == 1
+
+
+def test_the_former_way_does_the_same():
+    loops = [bench._Loop(ConvoyConfig(drive="planar"), former=former) for former in (False, True)]
+    for loop in loops:
+        loop.turn()
+    now, former = (loop.convoy for loop in loops)
+    assert former._engine is None and now._engine is not None
+    assert former.world.physics.ngeom > now.world.physics.ngeom
+    assert now.state()["robots"].tobytes() == former.state()["robots"].tobytes()
+    assert "WORKBENCH_BATCH" not in os.environ
 
 
 def test_a_replay_that_ends_elsewhere_is_an_error(monkeypatch):
@@ -27,12 +42,39 @@ def test_a_replay_that_ends_elsewhere_is_an_error(monkeypatch):
 
 
 def test_bench_reports_all_numbers(monkeypatch):
-    monkeypatch.setattr(bench, "_EVERY", {"wheels": 1, "planar": 1, "4": 1, "64": 1})
-    result = bench.bench(turns=1, runs=20)
+    # what takes long is shortened, and what starts processes
+    monkeypatch.setattr(bench, "_EVERY", {})
+    monkeypatch.setattr(bench, "FOLLOWERS", (4, 8))
+    monkeypatch.setattr(bench, "FORMATIONS", (1, 2))
+    monkeypatch.setattr(bench, "_starts", lambda: {"first_start_s": 1.0, "cached_start_s": 1.0})
+    monkeypatch.setattr(bench, "peers", lambda: {"nobody": lambda periods: None})
+    whole = bench._whole_run
+    monkeypatch.setattr(bench, "_whole_run", lambda: whole(20_000))
+    result = bench.bench(turns=1, runs=4, others=True)
+    machine = result.pop("machine")
+    assert machine["cores"] >= 1 and machine["mujoco"]
     wanted = (
-        "wheels_us wheels_bare_us planar_us planar_bare_us update_us_15x15 "
-        "update_us_5x5 robot_us_4 robot_us_64 "
+        "wheels_us wheels_bare_us wheels_ratio planar_us planar_bare_us planar_ratio rolling_us "
+        "recommended_us planar_former_us planar_over_former rolling_over_former robot_us_4 "
+        "robot_us_64 robot_bare_us_4 robot_bare_us_64 robot_growth_over_bare update_us_15x15 "
+        "update_us_5x5 update_ratio rolling_us_camera rolling_us_ir-metric rolling_us_ir-raw "
+        "rolling_robot_us_4 rolling_robot_us_8 rolling_robot_growth rolling_two_threads_2 "
+        "rolling_us_1_formations_1_threads rolling_us_2_formations_2_threads planar_two_threads_16 "
+        "rolling_1300000_updates_s environment_steps_per_s environment_rolling_steps_per_s "
+        "peak_mib first_start_s cached_start_s sweep_speedup trial_ms_local trial_ms_dask "
+        "peer_us_nobody peer_over_rolling_nobody"
     )
-    wanted += "environment_steps_per_s robot_bare_us_4 robot_bare_us_64 peak_mib"
     assert set(wanted.split()) <= set(result)
     assert all(value > 0 for value in result.values())
+
+
+def test_a_start_with_nothing_compiled_takes_longer_than_one_with():
+    result = bench._starts()
+    assert result["first_start_s"] > result["cached_start_s"] > 0
+
+
+def test_peers_that_are_not_what_their_name_says_are_left_out(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyenki", types.ModuleType("pyenki"))
+    monkeypatch.setitem(sys.modules, "navground", None)
+    monkeypatch.setitem(sys.modules, "pymunk", None)
+    assert peers() == {}

@@ -12,7 +12,7 @@ import pytest
 from workbench import paths, sources
 
 ROOMS = (  # from the roof to the ground; a room may import from its own and from those after it
-    "__main__ bench publishing notebooks",
+    "__main__ bench peers publishing notebooks",
     "studies",
     "view",
     "envs",

@@ -13,6 +13,7 @@ from .formation.laws.table import LAWS as LAWS
 from .formation.laws.table import quantised_carrot as quantised_carrot
 from .formation.places import still_world as still_world
 from .formation.policy import Policy as Policy
+from .lab.compiling import prepare as prepare
 from .lab.runs import Run as Run
 from .lab.runs import evaluate as evaluate
 from .lab.runs import evaluate_seeds as evaluate_seeds

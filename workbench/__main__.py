@@ -153,11 +153,12 @@ def evaluate(
 
 
 @verbs.command()
-def bench() -> Result:
-    """Measure speed against bare MuJoCo, and memory."""
+@click.option("--peers", "others", is_flag=True, help="Time other simulators that are installed.")
+def bench(others: bool) -> Result:
+    """Measure speed against bare MuJoCo, start, sweeps and memory (some minutes)."""
     from workbench.bench import bench
 
-    return bench()
+    return bench(others=others)
 
 
 @verbs.command()

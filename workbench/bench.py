@@ -2,14 +2,24 @@
 
 The reference is bare physics: ``mj_step`` on one MjData, replaying the very controls that the full
 loop has just recorded, from the same state. The full loop is everything: senses, learning, reset,
-records and their reduction, without progress bar. Both are timed in short turns, one after the
-other, so that a busy machine slows both; what is reported are medians over the turns. Times are per
-formation step: 0.1 s of one leader and its followers.
+records and their reduction, without progress bar. Loops that are compared are timed in short turns,
+one after the other, so that a busy machine slows all of them; what is reported are medians over the
+turns. Times are per formation step: 0.1 s of one leader and its followers, unless a name says so.
+
+``…_former_us`` is MuJoCo as it was run before blocks were compiled as a whole (WORKBENCH_BATCH=1).
+``bench --peers`` times other simulators beside ours, see ``workbench.peers``.
 """
 
+import contextlib
+import itertools
+import os
+import platform
 import resource
+import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,24 +27,35 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.library import stopwatches
 from workbench.compiled import compiled_with_arrays
 from workbench.envs.environments import FollowVectorEnv
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.lab.records import Recorder
 from workbench.lab.runs import learn
 from workbench.lab.sweeps import cores, sweep
 from workbench.learning.behaviour import greedy_action
 from workbench.learning.kernel import Features, Learner, Signal, StepSizes, gq_update, new_trace
+from workbench.peers import peers
+from workbench.sources import LIBRARIES, version
 
-_EVERY = {"wheels": 4, "planar": 1, "4": 1, "64": 9}  # long blocks take fewer turns
+_EVERY = {"wheels": 4, "64": 9}  # turns between those of loops whose blocks are long
+FOLLOWERS = (4, 16, 64, 256)
+FORMATIONS = (1, 4, 16, 64)
+ROUTES = ("camera", "ir-metric", "ir-raw")
+ROLLING = ConvoyConfig(drive="rolling")
 
 
 class _Loop:
     """A single formation that learns, and bare physics that replays its controls."""
 
-    def __init__(self, config: ConvoyConfig) -> None:
-        self.convoy = Convoy(config, [config.seed], steps=10**9, threads=1)
+    def __init__(self, config: ConvoyConfig, *, former: bool = False) -> None:
+        self.former = former
+        with _former_way(former):
+            self.convoy = Convoy(config, [config.seed], steps=10**9, threads=1)
+            _ = self.convoy.world.physics
+            self.convoy.run_block()  # compiles
         self.recorder = Recorder(config, 10**9)
         self.model = self.convoy.world.physics
         self.data = mujoco.MjData(self.model)
@@ -44,19 +65,26 @@ class _Loop:
 
     def warm_up(self, blocks: int) -> None:
         """Compile, and learn beyond the first stumbling."""
-        for _ in range(blocks):
-            self.convoy.run_block()
+        with _former_way(self.former):
+            for _ in range(blocks):
+                self.convoy.run_block()
 
     def turn(self) -> None:
         """Time one block of the full loop, then the same block as bare physics."""
         world = self.convoy.world
         start = world.states[0].copy()
-        begun = time.perf_counter()
-        block = self.convoy.run_block()
-        self.recorder.add(block[0], int(self.convoy.updates[0]))
-        self.full.append((time.perf_counter() - begun) / BLOCK)
+        with _former_way(self.former):
+            begun = time.perf_counter()
+            block = self.convoy.run_block()
+            self.recorder.add(block[0], int(self.convoy.updates[0]))
+            self.full.append((time.perf_counter() - begun) / BLOCK)
+        if world.drive.batch is None:
+            self._replay(start, block[0])
 
-        controls = self._controls(block[0])
+    def _replay(self, start: NDArray[np.float64], block: NDArray[np.void]) -> None:
+        """Time a block as bare physics."""
+        world = self.convoy.world
+        controls = self._controls(block)
         mujoco.mj_setState(self.model, self.data, start, mujoco.mjtState.mjSTATE_INTEGRATION)
         data = self.data
         model = self.model
@@ -74,6 +102,11 @@ class _Loop:
                 "meaningless"
             )
 
+    @property
+    def us(self) -> float:
+        """Microseconds of a formation step."""
+        return 1e6 * float(np.median(self.full))
+
     def _controls(self, block: NDArray[np.void]) -> NDArray[np.float64]:
         """Return the controls (periods, nu) that the recorded commands of a block mean."""
         world = self.convoy.world
@@ -87,55 +120,244 @@ class _Loop:
         return controls
 
 
-def bench(*, turns: int = 36, runs: int = 200) -> dict[str, Any]:
-    """Return times in µs, their ratios and the peak memory of this process in MiB.
+@contextlib.contextmanager
+def _former_way(former: bool) -> Iterator[None]:
+    """Let MuJoCo be run as formerly meanwhile, or not."""
+    if not former:
+        yield
+        return
+    os.environ["WORKBENCH_BATCH"] = "1"
+    stopwatches(True)
+    try:
+        yield
+    finally:
+        del os.environ["WORKBENCH_BATCH"]
+        stopwatches(False)
+
+
+def bench(*, turns: int = 36, runs: int = 200, others: bool = False) -> dict[str, Any]:
+    """Return the machine, times in µs, their ratios and the peak memory of this process in MiB.
 
     Args:
         turns: timed blocks of 2 500 formation steps per loop; runs: of the sweep.
+        others: time other simulators as well, those that are installed.
     """
-    base = ConvoyConfig()
-    planar = replace(base, drive="planar")
+    result: dict[str, Any] = {"machine": machine()}
+    result |= _loops(turns)
+    result |= _updates()
+    result |= _routes(turns)
+    result |= _sizes(turns)
+    result |= _side_by_side(turns)
+    result |= _whole_run()
+    result |= _environment("planar") | _environment("rolling")
+    result["peak_mib"] = peak_mib()
+    result |= _starts()
+    result |= _sweeps(runs)
+    result |= _overhead(runs)
+    if others:
+        result |= _peers(turns)
+    return result
+
+
+def machine() -> dict[str, Any]:
+    """Return what this runs on."""
+    model = platform.processor() or platform.machine()
+    with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as lines:
+        names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+        model = names[0] if names else model
+    versions = {library: version(library) for library in LIBRARIES}
+    return {"cpu": model, "cores": cores(), "python": platform.python_version()} | versions
+
+
+def _in_turns(loops: Mapping[str, _Loop], turns: int) -> None:
+    """Time loops in turns."""
+    for turn in range(turns):
+        for name, loop in loops.items():
+            if turn % _EVERY.get(name, 1) == 0:
+                loop.turn()
+
+
+def _loops(turns: int) -> dict[str, Any]:
+    """Return the drives beside bare physics, beside the former way, and with many followers."""
+    wheels = ConvoyConfig()
+    planar = replace(wheels, drive="planar")
     loops = {
-        "wheels": _Loop(base),
+        "wheels": _Loop(wheels),
         "planar": _Loop(planar),
+        "rolling": _Loop(ROLLING),
+        "recommended": _Loop(replace(SETTINGS["recommended"], drive="rolling")),
+        "planar_former": _Loop(planar, former=True),
         "4": _Loop(replace(planar, seed=2)),
         "64": _Loop(replace(planar, followers=64, seed=2)),
     }
     for name, loop in loops.items():
-        loop.warm_up(2 if name in ("wheels", "64") else 8)
-    for turn in range(turns):
-        for name, loop in loops.items():
-            if turn % _EVERY[name] == 0:
-                loop.turn()
-    micro = 1e6
+        loop.warm_up(2 if name in _EVERY else 8)
+    _in_turns(loops, turns)
     result: dict[str, Any] = {}
     for name in ("wheels", "planar"):
         full = np.array(loops[name].full)
         bare = np.array(loops[name].bare)
-        result[f"{name}_us"] = float(np.median(full)) * micro
-        result[f"{name}_bare_us"] = float(np.median(bare)) * micro
+        result[f"{name}_us"] = loops[name].us
+        result[f"{name}_bare_us"] = float(np.median(bare)) * 1e6
         result[f"{name}_ratio"] = float(np.median(full / bare))
-    result |= _updates()
+    result |= {f"{name}_us": loops[name].us for name in ("rolling", "recommended", "planar_former")}
+    former = np.array(loops["planar_former"].full)
+    for name in ("planar", "rolling"):
+        result[f"{name}_over_former"] = float(np.median(np.array(loops[name].full) / former))
     growth = {}
     for name in ("4", "64"):
         robots = int(name) + 1
-        result[f"robot_us_{name}"] = float(np.median(loops[name].full)) * micro / robots
-        result[f"robot_bare_us_{name}"] = float(np.median(loops[name].bare)) * micro / robots
+        result[f"robot_us_{name}"] = loops[name].us / robots
+        result[f"robot_bare_us_{name}"] = float(np.median(loops[name].bare)) * 1e6 / robots
         growth[name] = result[f"robot_us_{name}"] / result[f"robot_bare_us_{name}"]
     result["robot_growth_over_bare"] = growth["64"] / growth["4"]
-    result |= _environment()
-    result["peak_mib"] = peak_mib()
-    return result | _sweeps(runs)
+    return result
 
 
-def _environment(formations: int = 64, steps: int = 500, turns: int = 5) -> dict[str, float]:
-    """Return follower steps per second of the vectorised environment on one core: planar, errors
-    in, speed pairs out.
+def _routes(turns: int) -> dict[str, float]:
+    """Return formation steps that roll, by sensing mode."""
+    infrared = replace(SETTINGS["infrared"], drive="rolling")
+    loops = {
+        route: _Loop(replace(ROLLING if route == "camera" else infrared, sensing=route))
+        for route in ROUTES
+    }
+    for loop in loops.values():
+        loop.warm_up(6)
+    _in_turns(loops, turns)
+    return {f"rolling_us_{route}": loop.us for route, loop in loops.items()}
+
+
+def _sizes(turns: int) -> dict[str, float]:
+    """Return steps of one robot that rolls, by the number of followers."""
+    loops = {str(n): _Loop(replace(ROLLING, followers=n, seed=2)) for n in FOLLOWERS}
+    for loop in loops.values():
+        loop.warm_up(4)
+    for turn in range(turns):
+        for number, loop in enumerate(loops.values()):
+            if turn % 3**number == 0:
+                loop.turn()
+    result = {f"rolling_robot_us_{name}": loop.us / (int(name) + 1) for name, loop in loops.items()}
+    most, few = (result[f"rolling_robot_us_{n}"] for n in (FOLLOWERS[-1], FOLLOWERS[0]))
+    return result | {"rolling_robot_growth": most / few}
+
+
+def _side_by_side(turns: int) -> dict[str, float]:
+    """Return formation steps by drive, formations side by side and threads."""
+    result = {}
+    for drive, formations in (*itertools.product(["rolling"], FORMATIONS), ("planar", 16)):
+        convoys = {
+            threads: Convoy(
+                replace(ROLLING, drive=drive),
+                range(1, formations + 1),
+                steps=10**9,
+                threads=threads,
+            )
+            for threads in (1, 2)
+            if threads <= formations
+        }
+        taken: dict[int, list[float]] = {threads: [] for threads in convoys}
+        for turn in range(max(turns // 4, 1) + 3):
+            for threads, convoy in convoys.items():
+                begun = time.perf_counter()
+                convoy.run_block()
+                if turn >= 3:
+                    taken[threads].append((time.perf_counter() - begun) / BLOCK / formations)
+        for threads, times in taken.items():
+            name = f"{drive}_us_{formations}_formations_{threads}_threads"
+            result[name] = 1e6 * float(np.median(times))
+        if len(taken) == 2:
+            gain = np.array(taken[1]) / np.array(taken[2])
+            result[f"{drive}_two_threads_{formations}"] = float(np.median(gain))
+    return result
+
+
+def _whole_run(updates: int = 1_300_000) -> dict[str, float]:
+    """Return how long the paper's run takes, rolling, records and their reduction included."""
+    begun = time.perf_counter()
+    learn(ROLLING, steps=updates, progress=False)
+    return {"rolling_1300000_updates_s": (time.perf_counter() - begun) * 1_300_000 / updates}
+
+
+def _starts() -> dict[str, float]:
+    """Return how long a first short run takes from a shell, with nothing compiled, and later."""
+    command = [sys.executable, "-m", "workbench", "learn", "--steps", "1000"]
+    result = {}
+    with tempfile.TemporaryDirectory() as folder:
+        surroundings = os.environ | {"NUMBA_CACHE_DIR": folder}
+        for name in ("first_start_s", "cached_start_s"):
+            begun = time.perf_counter()
+            subprocess.run(command, env=surroundings, check=True, capture_output=True)
+            result[name] = time.perf_counter() - begun
+    return result
+
+
+def _overhead(runs: int) -> dict[str, float]:
+    """Return what a trial costs beside its simulation, in ms of one core: trials of ten updates, in
+    processes here and, where dask is installed, on a cluster of two workers here.
+    """
+    configs = [replace(ROLLING, seed=seed) for seed in range(2, 10 * runs + 2)]
+    result = dict[str, float]()
+    begun = time.perf_counter()
+    sweep(tiny_run, configs[: 2 * cores()], progress=False)
+    start = time.perf_counter() - begun
+    begun = time.perf_counter()
+    sweep(tiny_run, configs, progress=False)
+    taken = time.perf_counter() - begun - start
+    result["trial_ms_local"] = 1000 * taken * cores() / len(configs)
+    with contextlib.suppress(ImportError):
+        from distributed import Client, LocalCluster
+
+        with (
+            LocalCluster(
+                n_workers=cores(), threads_per_worker=1, dashboard_address=None
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            pool = client.get_executor()
+            sweep(tiny_run, configs[: 2 * cores()], pool, progress=False)
+            begun = time.perf_counter()
+            sweep(tiny_run, configs, client.get_executor(), progress=False)
+            taken = time.perf_counter() - begun
+        result["trial_ms_dask"] = 1000 * taken * cores() / len(configs)
+    return result
+
+
+def tiny_run(config: ConvoyConfig) -> int:
+    """Learn ten updates; return the number of losses."""
+    return int(learn(config, steps=10, progress=False).summary["losses"])
+
+
+def _peers(turns: int, periods: int = 1000) -> dict[str, float]:
+    """Return what other simulators take for a step of five robots without learning, and how many of
+    ours, with it, fit into that.
+    """
+    steps = peers()
+    ours = _Loop(ROLLING)
+    ours.warm_up(8)
+    taken: dict[str, list[float]] = {name: [] for name in steps}
+    for _ in range(turns):
+        ours.turn()
+        for name, step in steps.items():
+            begun = time.perf_counter()
+            step(periods)
+            taken[name].append((time.perf_counter() - begun) / periods)
+    result = {}
+    for name, times in taken.items():
+        result[f"peer_us_{name}"] = 1e6 * float(np.median(times))
+        result[f"peer_over_rolling_{name}"] = float(np.median(np.array(times) / ours.full))
+    return result
+
+
+def _environment(
+    drive: str, formations: int = 64, steps: int = 500, turns: int = 5
+) -> dict[str, float]:
+    """Return follower steps per second of the vectorised environment on one core: errors in, speed
+    pairs out.
 
     Its actions are a law's, computed on arrays, so that followers follow; a new random action now
     and then makes some get lost.
     """
-    env = FollowVectorEnv(formations)
+    env = FollowVectorEnv(formations, ConvoyConfig(drive=drive))
     seen, _ = env.reset(seed=1)
     rng = np.random.default_rng(0)
     levels = env.config.action_levels[1]
@@ -152,10 +374,8 @@ def _environment(formations: int = 64, steps: int = 500, turns: int = 5) -> dict
             )
             seen, *_ = env.step(action)
         rates.append(formations * steps / (time.perf_counter() - begun))
-    return {
-        "environment_formations": formations,
-        "environment_steps_per_s": float(np.median(rates)),
-    }
+    name = "environment" if drive == "planar" else f"environment_{drive}"
+    return {f"{name}_steps_per_s": float(np.median(rates))}
 
 
 def short_run(config: ConvoyConfig) -> int:

@@ -22,7 +22,7 @@ import getpass
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, TypeVar
@@ -137,14 +137,45 @@ def chosen(functions: Sequence[Any]) -> Any:
     return _njit(nogil=True, _nrt=False)(choose)
 
 
-def _cached(function: F, **options: bool) -> Dispatcher[F]:
+def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
+    """Return a compiled function in which other compiled functions stand in the place of some that
+    it calls, directly or through what it calls.
+
+    Args:
+        function: of this package.
+        others: compiled function → what is called in its place, with the same arguments.
+        module: whose exchange it is, one for all functions; its code has a cache of its own.
+    """
+    made = dict(others)
+    variant = f"{module}-{sources.digest(module)}"
+
+    def remake(one: Any) -> Any:
+        if one in made:
+            return made[one]
+        plain = one.py_func
+        calls = {
+            called: plain.__globals__[called]
+            for called in plain.__code__.co_names
+            if isinstance(plain.__globals__.get(called), Dispatcher)
+        }
+        new = {called: remake(callee) for called, callee in calls.items()}
+        made[one] = one
+        if any(new[called] is not callee for called, callee in calls.items()):
+            copy = FunctionType(plain.__code__, plain.__globals__ | new, plain.__name__)
+            made[one] = _cached(copy, variant=variant, _nrt=one.targetoptions.get("_nrt", True))
+        return made[one]
+
+    return remake(function)
+
+
+def _cached(function: F, *, variant: str = "", **options: bool) -> Dispatcher[F]:
     settings: Any = numba.config
     # nobody knows what a script's function depends on
     if sources.file_of(function.__module__) is None:
         kept: Dispatcher[F] = _njit(nogil=True)(function)
         return kept
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(folder(function.__module__))
+    settings.CACHE_DIR = str(folder(function.__module__) / variant)
     try:
         kept = _njit(cache=True, nogil=True, **options)(function)
         return kept

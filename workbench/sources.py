@@ -33,6 +33,7 @@ _IMPORTS = re.compile(
 )
 
 
+@functools.cache
 def version(library: str) -> str:
     """Return the version of an installed library, "unknown" where its description is not installed
     with it.

@@ -73,20 +73,19 @@ def test_robots_that_touch_and_walls_are_touched_on_both_ways():
 
 def test_without_the_address_the_batch_does_it(monkeypatch):
     monkeypatch.setenv("WORKBENCH_BATCH", "1")
-    engine.address.cache_clear()
-    try:
-        convoy = Convoy(PLANAR, (1,), steps=100)
-        convoy.run_block()
-        assert convoy._engine is None and convoy.updates[0] == 100
-    finally:
-        monkeypatch.undo()
-        engine.address.cache_clear()
+    convoy = Convoy(PLANAR, (1,), steps=100)
+    convoy.run_block()
+    assert convoy._engine is None and convoy.updates[0] == 100
+    assert convoy.world.physics.ngeom == convoy.world.model.ngeom  # with all that is seen
+    rolling = Convoy(replace(PLANAR, drive="rolling"), (1,), steps=100)
+    rolling.run_block()
+    assert rolling._engine is not None and rolling.updates[0] == 100
 
 
 def test_what_is_not_mj_step_is_not_taken_for_it(monkeypatch):
     other = ctypes.cast(engine.library().mj_kinematics, ctypes.c_void_p).value
     assert not engine._is_mj_step(other)
     monkeypatch.setattr(engine, "library", lambda: None)
-    engine.address.cache_clear()
+    engine._address.cache_clear()
     assert engine.address() == 0
-    engine.address.cache_clear()
+    engine._address.cache_clear()

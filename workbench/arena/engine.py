@@ -14,14 +14,13 @@ import copy
 import ctypes
 import functools
 import math
-import os
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from workbench.arena.drives.rolling import apart_m, roll
-from workbench.arena.library import library
+from workbench.arena.library import former, library
 from workbench.arena.model import build_model
 from workbench.arena.world import World
 from workbench.compiled import compiled, peek, poke, step_at
@@ -113,11 +112,13 @@ def _steps(step: int, model: int, data: int, count: int) -> None:
         step_at(step, model, data)
 
 
-@functools.cache
 def address() -> int:
-    """Return where ``mj_step`` is, 0 where it is not found or not what it should be."""
-    if os.environ.get("WORKBENCH_BATCH") == "1":
-        return 0
+    """Return where ``mj_step`` is, 0 where it is not found, not what it should be or not wanted."""
+    return 0 if former() else _address()
+
+
+@functools.cache
+def _address() -> int:
     found = library()
     if found is None or not hasattr(found, "mj_step"):
         return 0

@@ -63,11 +63,13 @@ def draw_floors(tracks: Sequence[Track], line_width_m: float) -> Floor:
     )
     columns, rows = (int(n) + 1 for n in high - low)
     raster = np.full((len(tracks), rows, columns), FAR, np.int16)
+    square = np.full((rows, columns), np.inf)
     # fewer points do for a wide line
     every = max(1, int(line_width_m / 2 / SPACING / 6))
     for own, track in zip(raster, tracks, strict=True):
         line = np.ascontiguousarray(track.line[::every])
-        _draw(own, line, line_width_m / 2, _reach(line_width_m), int(low[0]), int(low[1]))
+        square.fill(np.inf)
+        _draw(own, square, line, line_width_m / 2, _reach(line_width_m), int(low[0]), int(low[1]))
     return Floor(raster, int(low[0]), int(low[1]))
 
 
@@ -77,8 +79,12 @@ def _reach(line_width_m: float) -> int:
 
 
 @compiled
-def _draw(raster: Any, line: Any, half: float, reach: int, column0: int, row0: int) -> None:
-    """Write the distances of cells that are near a line (n, 2), half of whose width is given."""
+def _draw(
+    raster: Any, square: Any, line: Any, half: float, reach: int, column0: int, row0: int
+) -> None:
+    """Write the distances of cells that are near a line (n, 2), half of whose width is given;
+    ``square`` holds infinities and takes the squares of distances from its middle.
+    """
     for n in range(line.shape[0]):
         x, y = line[n, 0], line[n, 1]
         column = int(round(x / CELL))
@@ -87,9 +93,14 @@ def _draw(raster: Any, line: Any, half: float, reach: int, column0: int, row0: i
             dy = i * CELL - y
             for j in range(column - reach, column + reach + 1):
                 dx = j * CELL - x
-                away = int(round(1e6 * (math.sqrt(dx * dx + dy * dy) - half)))
-                if away < raster[i - row0, j - column0]:
-                    raster[i - row0, j - column0] = max(away, -FAR)
+                away = dx * dx + dy * dy
+                if away < square[i - row0, j - column0]:
+                    square[i - row0, j - column0] = away
+    for i in range(square.shape[0]):
+        for j in range(square.shape[1]):
+            if square[i, j] < math.inf:
+                edge = 1e6 * (math.sqrt(square[i, j]) - half)
+                raster[i, j] = int(round(min(max(edge, -FAR), FAR)))
 
 
 @compiled
@@ -106,7 +117,8 @@ def floor_darkness(raster: Any, column0: int, row0: int, x: float, y: float) -> 
     low = (1.0 - u) * raster[i, j] + u * raster[i, j + 1]
     high = (1.0 - u) * raster[i + 1, j] + u * raster[i + 1, j + 1]
     away = 1e-6 * ((1.0 - v) * low + v * high)
-    return min(max(0.5 - away / (2.0 * SPOT), 0.0), 1.0)
+    dark: float = min(max(0.5 - away / (2.0 * SPOT), 0.0), 1.0)
+    return dark
 
 
 @compiled_with_arrays

@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+import os
 from pathlib import Path
 
 import mujoco
@@ -28,17 +29,34 @@ def _core_folder() -> list[Path]:
     return [Path(mujoco_core.__file__).parent]
 
 
-@functools.cache
-def stopwatches_off() -> bool:
-    """Switch off MuJoCo's own stopwatches, which Python's binding switches on and which take a
-    tenth of a planar step: ``MjData.timer`` stays at zero in this process from here on. Return
-    whether that could be done.
+def former() -> bool:
+    """Return whether MuJoCo is to be run as it was before blocks were compiled as a whole, for
+    comparison: its batch, stopwatches on, and all that is seen in the physics.
     """
+    return os.environ.get("WORKBENCH_BATCH") == "1"
+
+
+def stopwatches(on: bool) -> bool:
+    """Switch MuJoCo's own stopwatches on or off for this process. Python's binding has them on, and
+    they take a tenth of a planar step; off, ``MjData.timer`` stays at zero. Return whether that
+    could be done.
+    """
+    clock = _stopwatch()
+    if clock is None:
+        return False
+    pointer, first = clock
+    pointer.value = first if on else None
+    return True
+
+
+@functools.cache
+def _stopwatch() -> tuple[ctypes.c_void_p, int | None] | None:
+    """Return the library's pointer to a clock, and where it points at first."""
     found = library()
     if found is None:
-        return False
+        return None
     try:
-        ctypes.c_void_p.in_dll(found, "mjcb_time").value = None
+        pointer = ctypes.c_void_p.in_dll(found, "mjcb_time")
     except ValueError:
-        return False
-    return True
+        return None
+    return pointer, pointer.value

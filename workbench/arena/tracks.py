@@ -21,6 +21,7 @@ Contract: a Track is immutable; positions are in metres, arc length s runs along
 driving direction.
 """
 
+import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -109,14 +110,24 @@ class Track:
         """Return x, y in m and heading in rad on the nominal loop at arc length s (taken modulo the
         length).
         """
-        points = np.vstack([self.nominal, self.nominal[:1]])
-        at = np.append(self.s, self.length_m)
-        wrapped = s % self.length_m
-        x, y = (float(np.interp(wrapped, at, points[:, k])) for k in (0, 1))
+        x, y = self.point(s)
         step = self.length_m / self.s.size
-        ahead = [float(np.interp((s + step) % self.length_m, at, points[:, k])) for k in (0, 1)]
-        behind = [float(np.interp((s - step) % self.length_m, at, points[:, k])) for k in (0, 1)]
+        ahead = self.point(s + step)
+        behind = self.point(s - step)
         return x, y, math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
+
+    def point(self, s: float) -> tuple[float, float]:
+        """Return x, y in m on the nominal loop at arc length s (taken modulo the length)."""
+        at, x, y = self._closed
+        wrapped = s % self.length_m
+        return float(np.interp(wrapped, at, x)), float(np.interp(wrapped, at, y))
+
+    @functools.cached_property
+    def _closed(self) -> tuple[Floats, Floats, Floats]:
+        """Arc length, x and y of the nominal loop, its first point once more at the end."""
+        points = np.vstack([self.nominal, self.nominal[:1]])
+        x, y = np.ascontiguousarray(points.T)
+        return np.append(self.s, self.length_m), x, y
 
     def nearest(self, position: ArrayLike, heading: ArrayLike) -> NDArray[np.int64]:
         """Return the index of the nearest point of the nominal loop that runs the same way.

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from workbench.arena.drives.table import DRIVE_NUMBERS, DRIVES, read
 from workbench.arena.floor import draw_floors
-from workbench.arena.library import stopwatches_off
+from workbench.arena.library import former, stopwatches
 from workbench.arena.model import build_model
 from workbench.arena.tracks import Track
 from workbench.compiled import compiled
@@ -126,7 +126,7 @@ class World:
         threads: int = 0,
         furnish: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
-        stopwatches_off()
+        stopwatches(former())
         self.robot = robot
         self.furnish = furnish
         self._motors = np.zeros(1, MOTORS)
@@ -168,7 +168,7 @@ class World:
     @functools.cached_property
     def physics(self) -> mujoco.MjModel:
         """The model that MuJoCo steps. What furnishes may know robots by their looks."""
-        looks = self.furnish is not None
+        looks = self.furnish is not None or former()
         return build_model(self.robots, self.drive.name, self.furnish, self.robot, looks=looks)
 
     def joints(self, formation: int) -> NDArray[np.float64]:
@@ -242,11 +242,11 @@ class World:
             low, high = s - 2 * spacing_m, s
             for _ in range(50):  # bisection for the point at the wanted straight distance
                 middle = (low + high) / 2
-                x, y, _ = track.pose(middle)
+                x, y = track.point(middle)
                 if math.dist((x, y), ahead) > spacing_m:
                     low = middle
                 else:
                     high = middle
             s = (low + high) / 2
-            x, y, _ = track.pose(s)
+            x, y = track.point(s)
             self.place(formation, robot, x, y, math.atan2(ahead[1] - y, ahead[0] - x))

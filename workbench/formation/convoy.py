@@ -48,6 +48,7 @@ from workbench.formation.follower import begin_episode
 from workbench.formation.initial_weights import first_weights
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.table import check_law
+from workbench.formation.lean import is_plain, lean
 from workbench.formation.own_reward import OwnReward, check_reward, trouble
 from workbench.formation.places import track_of
 from workbench.formation.records import CHANCE, FORMATION, PERIOD, ROBOT
@@ -62,6 +63,8 @@ from workbench.learning.kernel import new_trace
 from workbench.robot.ground import MODULES, WHITE
 
 BLOCK = 2500  # control periods
+
+_ENTRIES: dict[Any, Any] = {}  # compiled functions by what they are called with
 
 _UNUSED = np.zeros((), PERIOD)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
@@ -249,12 +252,29 @@ class Convoy:
     @functools.cached_property
     def _act_all(self) -> Any:
         """The compiled control period of all formations, all but the physics."""
-        return _for_types(control_step, 0, self._arrays)
+        return _for_types(self._loop(control_step), 0, self._arrays)
 
     @functools.cached_property
     def _run_formation(self) -> Any:
         """The compiled block of one formation, physics included."""
-        return _for_types(run_formation, 0, False, 0, self._arrays)
+        return _for_types(self._loop(run_formation), 0, False, 0, self._arrays)
+
+    def _loop(self, function: Any) -> Any:
+        """Return a function of the loop, the lean one where that does."""
+        return lean(function) if self.plain else function
+
+    @property
+    def plain(self) -> bool:
+        """Whether the lean loop does what is asked for, see ``formation.lean``."""
+        return is_plain(self.config, self._owner if isinstance(self._owner, ControlLaw) else None)
+
+    def compile(self, *, periods: bool = False) -> None:
+        """Compile what whole blocks are run by, and single periods if asked for; it is done anyhow
+        when it is needed.
+        """
+        _ = self._run_formation if self._engine is not None else self._act_all
+        if periods:
+            _ = self._act_all
 
     @functools.cached_property
     def _pool(self) -> ThreadPoolExecutor:
@@ -575,9 +595,23 @@ def _for_types(function: Any, *arguments: Any) -> Any:
     """Return a compiled function for exactly these arguments: numba's look-up at every call would
     cost as much as a call.
     """
-    types = tuple(numba.typeof(argument) for argument in arguments)
-    function.compile(types)
-    return function.overloads[types].entry_point
+    kinds = tuple(_kind(argument) for argument in arguments)
+    known = _ENTRIES.get((function, kinds))
+    if known is None:
+        types = tuple(numba.typeof(argument) for argument in arguments)
+        function.compile(types)
+        known = _ENTRIES[function, kinds] = function.overloads[types].entry_point
+    return known
+
+
+def _kind(argument: Any) -> Any:
+    """Return what decides the compiled type of an argument; to ask numba takes milliseconds."""
+    if isinstance(argument, Arrays):
+        return tuple(_kind(array) for array in argument)
+    if isinstance(argument, np.ndarray):
+        flags = argument.flags
+        return argument.dtype, argument.ndim, flags.c_contiguous, flags.aligned, flags.writeable
+    return type(argument)
 
 
 def _check_length(steps: int, periods: int | None) -> None:

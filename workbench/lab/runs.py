@@ -36,6 +36,7 @@ from workbench.formation.own_reward import OwnReward, Reward, check_reward, with
 from workbench.formation.policy import Policy
 from workbench.lab import storage
 from workbench.lab.checkpoints import load_checkpoint, save_checkpoint
+from workbench.lab.compiling import compile_blocks
 from workbench.lab.locks import locked
 from workbench.lab.progress import Progress, report
 from workbench.lab.records import RECORDS, Recorder, Records, summarise
@@ -413,6 +414,7 @@ class _Batch:
             load_checkpoint(checkpoint, convoy, recorders, request)
         done = int(self._done(convoy).sum())
         unit = " updates" if self.kind == "learn" else " periods"
+        compile_blocks(convoy, progress)
         with report(progress, self.length * len(self.seeds), self.kind, done, unit) as tell:
             self._loop(convoy, recorders, checkpoint, request, checkpoint_s, tell)
         return self._results(convoy, recorders)

@@ -15,9 +15,13 @@ from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import dot_panels
 from workbench.studies.motion_trials import measure_rival
 
-LEARNING = 400_000  # updates
-# who drives: the learner in two settings, and a classical law
-WHO = {"paper": "learner", "recommended": "learner", "carrot": "carrot"}
+# who drives: the learner in three settings with so many updates, and a classical law
+WHO = {
+    "paper": Trial(config=SETTINGS["paper"], steps=400_000),
+    "recommended": Trial(config=SETTINGS["recommended"], steps=400_000),
+    "infrared": Trial(config=replace(SETTINGS["infrared"], followers=1), steps=100_000),
+    "carrot": Trial(config=SETTINGS["paper"], controller="carrot", steps=400_000),
+}
 # what a drive may differ by from wheels, set before the data: words, margin, whether it is a share
 MARGINS = {
     "learning_losses": ("losses while learning", 0.25, True),
@@ -30,14 +34,11 @@ MARGINS = {
 
 def cases() -> Sequence[Case]:
     """Return the conditions."""
-    found: list[Case] = []
-    for who, controller in WHO.items():
-        base = SETTINGS["recommended" if who == "recommended" else "paper"]
-        for drive in DRIVES:
-            config = replace(base, drive=drive)
-            trial = Trial(config=config, controller=controller, steps=LEARNING, minutes=30.0)
-            found.append(({"driver": who, "drive": drive}, trial))
-    return found
+    return [
+        ({"driver": who, "drive": drive}, replace(trial, config=replace(trial.config, drive=drive)))
+        for who, trial in WHO.items()
+        for drive in DRIVES
+    ]
 
 
 def from_wheels(table: pd.DataFrame) -> pd.DataFrame:

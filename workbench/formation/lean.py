@@ -1,0 +1,62 @@
+"""The loop with nothing in it but what a plain configuration needs, which compiles in half the
+time: what most people run first begins sooner.
+
+Plain is: no law drives, poses are the simulator's, robots are as they should be, and the learner is
+one of the kernel's. What such a run does is the same to the last bit with the whole loop.
+
+Contract: which of the two runs is nobody's to know but the convoy's.
+"""
+
+import functools
+from typing import Any
+
+from workbench.compiled import chosen, compiled, exchanged
+from workbench.formation import body
+from workbench.formation.config import ConvoyConfig
+from workbench.formation.laws import table as laws
+from workbench.formation.laws.law import ControlLaw
+from workbench.formation.senses import table as senses
+from workbench.formation.senses.table import SENSES
+from workbench.learning import rules
+from workbench.learning.rules import RULES
+
+
+@compiled
+def _no_law(task: Any, follower: Any, distance: float, bearing: float) -> tuple[int, int]:
+    """Stand still, in the place of ``laws.table.steer``."""
+    return 0, 0
+
+
+@compiled
+def _no_body(
+    task: Any, robot: Any, ctrl: Any, i: int, left: int, right: int, z_left: float, z_right: float
+) -> None:
+    """Do nothing, in the place of ``body.drive_body``."""
+
+
+def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
+    """Return whether a convoy needs nothing but the lean loop."""
+    return (
+        law is None
+        and config.body.nominal
+        and SENSES[config.sensing].see is _TRUTH.see
+        and RULES[config.learner.rule].update is rules.gq_step
+    )
+
+
+_TRUTH = SENSES["truth"]
+_OTHERS = {
+    senses.locate: chosen([_TRUTH.locate]),
+    senses.see: chosen([_TRUTH.see]),
+    senses.tiled: chosen([_TRUTH.tiled]),
+    senses.errors: chosen([_TRUTH.errors]),
+    laws.steer: _no_law,
+    body.drive_body: _no_body,
+    rules.update: chosen([rules.gq_step]),
+}
+
+
+@functools.cache
+def lean(function: Any) -> Any:
+    """Return a function of ``formation.control`` without what a plain configuration never calls."""
+    return exchanged(function, _OTHERS, __name__)
