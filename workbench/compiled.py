@@ -35,6 +35,9 @@ from numba.extending import intrinsic
 
 from workbench import sources
 
+# without arrays of its own to free, numba need not count who holds one; and a division by zero is
+# not an exception but a number that is not finite, which lets loops be vectorised
+_BARE: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 F = TypeVar("F", bound=Callable[..., object])
 _njit: Any = numba.njit  # its declaration leaves out options
 _KEPT = 3  # folders of earlier sources, of every module
@@ -109,10 +112,9 @@ def _remove_old(module: str) -> None:
 def compiled(function: F) -> Dispatcher[F]:
     """Return the function compiled by numba without Python objects, cached on disk.
 
-    It may allocate nothing: without arrays of its own to free, numba leaves out counting who holds
-    an array, which is half of the control loop's time.
+    It may allocate nothing: counting who holds an array is half of the control loop's time.
     """
-    return _cached(function, _nrt=False)
+    return _cached(function, **_BARE)
 
 
 def compiled_with_arrays(function: F) -> Dispatcher[F]:
@@ -126,7 +128,7 @@ def chosen(functions: Sequence[Any]) -> Any:
     """
     first, *others = functions
     if not others:
-        return _njit(nogil=True, _nrt=False)(lambda number, *arguments: first(*arguments))
+        return _njit(nogil=True, **_BARE)(lambda number, *arguments: first(*arguments))
     rest = chosen(others)
 
     def choose(number: int, *arguments: Any) -> Any:
@@ -134,7 +136,7 @@ def chosen(functions: Sequence[Any]) -> Any:
             return first(*arguments)
         return rest(number - 1, *arguments)
 
-    return _njit(nogil=True, _nrt=False)(choose)
+    return _njit(nogil=True, **_BARE)(choose)
 
 
 def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
@@ -162,13 +164,14 @@ def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
         made[one] = one
         if any(new[called] is not callee for called, callee in calls.items()):
             copy = FunctionType(plain.__code__, plain.__globals__ | new, plain.__name__)
-            made[one] = _cached(copy, variant=variant, _nrt=one.targetoptions.get("_nrt", True))
+            bare = _BARE if one.targetoptions.get("_nrt") is False else {}
+            made[one] = _cached(copy, variant=variant, **bare)
         return made[one]
 
     return remake(function)
 
 
-def _cached(function: F, *, variant: str = "", **options: bool) -> Dispatcher[F]:
+def _cached(function: F, *, variant: str = "", **options: Any) -> Dispatcher[F]:
     settings: Any = numba.config
     # nobody knows what a script's function depends on
     if sources.file_of(function.__module__) is None:

@@ -162,7 +162,7 @@ def test_the_compiled_formula_is_what_rays_see(target):
                 -0.02,
                 math.cos(heading),
                 math.sin(heading),
-                ir.Circles(cx, cy, 2, radius, strength, beacon),
+                ir.Circles(cx, cy, 2, radius, strength, beacon, np.zeros(ir.RAYS)),
             )
             for k in range(8)
         ]

@@ -60,6 +60,7 @@ _ANGLES = np.radians(np.linspace(-60.0, 60.0, 25))
 _RAY_C = np.cos(_ANGLES)
 _RAY_S = np.sin(_ANGLES)
 _RAY_W = _RAY_C**4 / np.sum(_RAY_C**4)
+RAYS = len(_ANGLES)
 _AXIS_C = np.cos(BEARINGS)
 _AXIS_S = np.sin(BEARINGS)
 
@@ -156,6 +157,7 @@ class Circles(NamedTuple):
             ray.
         radius, strength: of all cylinders, in m and relative to white paper (or of the emission).
         beacon: 1 where cylinders emit: one way, through the sensor's own lobe of half the exponent.
+        rays: (RAYS,) room for what every ray brings back.
     """
 
     x: Any
@@ -164,6 +166,7 @@ class Circles(NamedTuple):
     radius: float
     strength: float
     beacon: int
+    rays: Any
 
 
 @compiled
@@ -193,32 +196,30 @@ def circles_light(k: int, x: float, y: float, c: float, s: float, circles: Any) 
         return 0.0
     if before == 1:
         dx, dy = cx[alone] - px, cy[alone] - py
-        share = _one(dx * ac + dy * as_, dy * ac - dx * as_, radius)
+        share = _one(dx * ac + dy * as_, dy * ac - dx * as_, radius, circles.rays)
     else:
         share = _several(px, py, ac, as_, circles)
     return SCALE * strength * share
 
 
 @compiled
-def _one(along: float, aside: float, radius: float) -> float:
+def _one(along: float, aside: float, radius: float, rays: Any) -> float:
     """Return the share of light that comes back from a cylinder that is so far along a sensor's
     axis, and to the left of it.
     """
-    total = 0.0
     square = radius * radius
     shrink = 1.0 / radius
-    for ray in range(_RAY_W.size):
+    # without branches, so that several rays are computed at once
+    for ray in range(RAYS):
         middle = along * _RAY_C[ray] + aside * _RAY_S[ray]
-        if middle <= 0.0:
-            continue
         off = along * _RAY_S[ray] - aside * _RAY_C[ray]
-        inside = square - off * off
-        if inside > 0.0:
-            half = math.sqrt(inside)
-            if middle - half < RANGE:
-                total += _RAY_W[ray] * ray_share(max(middle - half, 0.0), half * shrink)
-        elif off > 0.0:
-            break  # rays farther to the left miss it, too
+        half = math.sqrt(max(square - off * off, 0.0))
+        near = middle - half
+        back = _RAY_W[ray] * ray_share(max(near, 0.0), half * shrink)
+        rays[ray] = back if (middle > 0.0) & (near < RANGE) else 0.0
+    total = 0.0
+    for ray in range(RAYS):
+        total += rays[ray]
     return total
 
 
@@ -229,7 +230,7 @@ def _several(px: float, py: float, ac: float, as_: float, circles: Any) -> float
     """
     total = 0.0
     radius: float = circles.radius
-    for ray in range(_RAY_W.size):
+    for ray in range(RAYS):
         rx, ry = ac * _RAY_C[ray] - as_ * _RAY_S[ray], as_ * _RAY_C[ray] + ac * _RAY_S[ray]
         nearest = RANGE
         incidence = 0.0
@@ -348,7 +349,7 @@ def mean_light(
     radius, strength, beacon = strength_of(config)
     cx = np.array([distance_m * math.cos(bearing_rad)])
     cy = np.array([distance_m * math.sin(bearing_rad)])
-    target = Circles(cx, cy, 1, radius, strength, beacon)
+    target = Circles(cx, cy, 1, radius, strength, beacon, np.zeros(RAYS))
     return np.array([circles_light(k, 0.0, 0.0, 1.0, 0.0, target) for k in range(SENSORS)])
 
 

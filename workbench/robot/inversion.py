@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from workbench.compiled import compiled, compiled_with_arrays
 from workbench.robot.infrared import (
     DARK,
+    RAYS,
     Circles,
     InfraredConfig,
     circles_light,
@@ -92,7 +93,7 @@ def pairs(
     """
     cx = np.empty(1)
     cy = np.empty(1)
-    target = Circles(cx, cy, 1, radius, strength, beacon)
+    target = Circles(cx, cy, 1, radius, strength, beacon, np.empty(RAYS))
     for i in range(distances.size):
         for j in range(bearings.size):
             cx[0] = distances[i] * math.cos(bearings[j])

@@ -21,7 +21,14 @@ from workbench.formation.solo import SoloFollower, drive
 from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
 from workbench.measures.errors import true_errors, within
-from workbench.robot.infrared import SLOT, Circles, InfraredConfig, circles_light, saturate
+from workbench.robot.infrared import (
+    RAYS,
+    SLOT,
+    Circles,
+    InfraredConfig,
+    circles_light,
+    saturate,
+)
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
 from workbench.studies.infrared_trials import recoveries
@@ -213,6 +220,19 @@ def test_a_robot_sees_a_wall_and_a_dark_one_less():
     assert readings["none"] < 20 < readings["dark"] < 0.5 * readings["white"]
 
 
+@pytest.mark.parametrize("sensing", ["ir-metric", "ir-raw", "truth"])
+def test_a_robot_that_is_driven_from_outside_reads_all_its_sensors(sensing):
+    base = SETTINGS["infrared"] if sensing.startswith("ir-") else ConvoyConfig()
+    config = replace(base, followers=1, drive="rolling", sensing=sensing)
+    with SimulatedRobot(config) as robot:
+        robot.enable("proximity")
+        seen = []
+        for _ in range(60):
+            robot.step()
+            seen.append(robot.get_proximity())
+    assert (np.ptp(np.array(seen), axis=0) > 0).all()
+
+
 def test_without_the_buffer_the_api_loop_learns_before_it_acts():
     config = _config("ir-metric", seed=4, learner=LearnerConfig(buffer=False))
     convoy = Convoy(config, [config.seed], steps=300)
@@ -285,6 +305,7 @@ def test_a_turning_robot_reads_what_it_would_where_it_was_when_each_sensor_was_s
                 float(task["infrared"]["radius"][0]),
                 float(task["infrared"]["strength"][0]),
                 0,
+                np.zeros(RAYS),
             ),
         )
         assert robots[1]["infrared"]["readings"][k] == pytest.approx(

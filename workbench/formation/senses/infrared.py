@@ -36,6 +36,7 @@ from workbench.robot.infrared import (
     BEACON_RANGE,
     BLINDED,
     RANGE,
+    RAYS,
     RING,
     SENSORS,
     SLOT,
@@ -76,6 +77,7 @@ INFRARED = np.dtype(
         ("headroom", "f8", (SENSORS,)),
         ("near_x", "f8", (NEAR,)),  # robots near, m
         ("near_y", "f8", (NEAR,)),
+        ("rays", "f8", (RAYS,)),  # what each ray brings back, while a sensor is read
         ("left", "f8"),  # the two front readings as they are tiled
         ("right", "f8"),
         ("blind", "i8"),
@@ -174,7 +176,13 @@ def _read(task: Any, infrared: Any, k: int, at: Any, count: int, noise: float) -
     light = 0.0
     if count:
         near = Circles(
-            infrared.near_x, infrared.near_y, count, world.radius, world.strength, world.beacon
+            infrared.near_x,
+            infrared.near_y,
+            count,
+            world.radius,
+            world.strength,
+            world.beacon,
+            infrared.rays,
         )
         light = circles_light(k, at.x, at.y, at.c, at.s, near)
     room = headroom(k, at.c, at.s, world.ambient, world.ambient_cos, world.ambient_sin)
@@ -249,7 +257,9 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write where the predecessor of follower i is by its own readings."""
     robot = robots[i]
     if not robot.seen.silent:
-        sense_proximity(task, robots, i, chance.infrared, LOOKING)
+        # somebody who drives a robot from outside may look at all that it has
+        used = ALL if i == task.run.external else LOOKING
+        sense_proximity(task, robots, i, chance.infrared, used)
     robot.seen.distance, robot.seen.bearing = look(task, robot)
 
 
