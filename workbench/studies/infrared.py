@@ -21,13 +21,14 @@ def cases() -> Sequence[Case]:
         "9×9 states, 7×7 actions": ((9, 9), (7, 7)),
         "5×5 states, 3×3 actions": ((5, 5), (3, 3)),
     }
-    base = replace(SETTINGS["infrared"], drive="wheels")
     cases: list[Case] = []
-    for followers, steps in ((1, 100_000), (4, 400_000)):  # the same time for every follower
+    # the same time for every follower
+    for followers, steps, drive in ((1, 100_000, "wheels"), (4, 400_000, "rolling")):
         for route in INFRARED:
             for name, (states, actions) in sizes.items():
                 config = replace(
-                    base,
+                    SETTINGS["infrared"],
+                    drive=drive,
                     followers=followers,
                     sensing=route,
                     state_tiles=states,
