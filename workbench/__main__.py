@@ -83,13 +83,18 @@ def _option(*names: str, **kinds: Any) -> Callable[..., Any]:
 @_option("--drive", help="Fidelity of the simulated robot: wheels, planar or (for sweeps) rolling.")
 @_option("--sensing", help="Where errors come from: truth, camera, pixels, ir-metric, ir-raw, …")
 @_option("--seed", type=int, help="Seed of everything random.")
-@click.option("--out", type=PLACE, required=True, help="Folder; new or empty, unless --resume.")
+@_option("--out", type=PLACE, help="Folder; new or empty, unless --resume. Without: not kept.")
 @click.option("--resume", is_flag=True, help="Continue the run in --out, or show a complete one.")
 @click.option(
     "--set", "fields_set", multiple=True, metavar="NAME=VALUE", help="Any field, as JSON."
 )
 def learn(
-    steps: int | None, setting: str | None, out: str, resume: bool, fields_set: Any, **given: Any
+    steps: int | None,
+    setting: str | None,
+    out: str | None,
+    resume: bool,
+    fields_set: Any,
+    **given: Any,
 ) -> Result:
     """Let followers learn online; prints the run's summary."""
     from workbench import fields
@@ -104,7 +109,11 @@ def learn(
         if setting not in SETTINGS:
             raise ValueError(f"--setting {setting!r}; expected one of {', '.join(SETTINGS)}")
         values = fields.to_dict(SETTINGS[setting])
-    if resume:
+    if out is None:
+        if resume:
+            raise ValueError("--resume without --out; expected the folder of the run: --out FOLDER")
+        click.echo("nothing of this run is kept; --out FOLDER keeps it", err=True)
+    elif resume:
         try:
             config, length = runs.stored_request(out)
             values = fields.to_dict(config)
