@@ -35,9 +35,10 @@ from numba.extending import intrinsic
 
 from workbench import sources
 
-# without arrays of its own to free, numba need not count who holds one; and a division by zero is
-# not an exception but a number that is not finite, which lets loops be vectorised
-_BARE: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+# without arrays of its own to free, numba need not count who holds one; a division by zero is no
+# exception but a number that is not finite, which lets loops be vectorised; C calls nothing of it
+_BARE: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = _BARE | {"no_cpython_wrapper": True}  # Python does not call it either
 F = TypeVar("F", bound=Callable[..., object])
 _njit: Any = numba.njit  # its declaration leaves out options
 _KEPT = 3  # folders of earlier sources, of every module
@@ -123,12 +124,13 @@ def compiled_with_arrays(function: F) -> Dispatcher[F]:
 
 
 def chosen(functions: Sequence[Any]) -> Any:
-    """Return a compiled function that calls one of several, all with the same arguments and types:
-    ``chosen([f, g])(1, x)`` is ``g(x)``. What follows the last number is the last function.
+    """Return a function for compiled code that calls one of several, all with the same arguments
+    and types: ``chosen([f, g])(1, x)`` is ``g(x)``. What follows the last number is the last
+    function.
     """
     first, *others = functions
     if not others:
-        return _njit(nogil=True, **_BARE)(lambda number, *arguments: first(*arguments))
+        return _njit(nogil=True, **_INNER)(lambda number, *arguments: first(*arguments))
     rest = chosen(others)
 
     def choose(number: int, *arguments: Any) -> Any:
@@ -136,12 +138,13 @@ def chosen(functions: Sequence[Any]) -> Any:
             return first(*arguments)
         return rest(number - 1, *arguments)
 
-    return _njit(nogil=True, **_BARE)(choose)
+    return _njit(nogil=True, **_INNER)(choose)
 
 
 def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
     """Return a compiled function in which other compiled functions stand in the place of some that
-    it calls, directly or through what it calls.
+    it calls, directly or through what it calls. All that it calls is compiled anew, without what
+    Python would need to call it.
 
     Args:
         function: of this package.
@@ -162,10 +165,10 @@ def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
         }
         new = {called: remake(callee) for called, callee in calls.items()}
         made[one] = one
-        if any(new[called] is not callee for called, callee in calls.items()):
+        if plain.__closure__ is None:  # else it is a table's, which has been exchanged or is small
             copy = FunctionType(plain.__code__, plain.__globals__ | new, plain.__name__)
-            bare = _BARE if one.targetoptions.get("_nrt") is False else {}
-            made[one] = _cached(copy, variant=variant, **bare)
+            options = _BARE if one is function else _INNER
+            made[one] = _cached(copy, variant=variant, **options)
         return made[one]
 
     return remake(function)
