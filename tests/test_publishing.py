@@ -29,6 +29,8 @@ def published(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "QUICK", False)
     monkeypatch.setattr(paths, "FIGURES", figures)
     monkeypatch.setattr(paths, "NOTEBOOKS", notebooks)
+    monkeypatch.setattr(paths, "RUNS", tmp_path / "runs")
+    monkeypatch.setattr(paths, "DATA", tmp_path / "data")
     monkeypatch.setattr(publishing, "paper_runs", lambda *, quick: None)
     monkeypatch.setattr(publishing, "execute_and_store", execute)
     monkeypatch.setattr(publishing, "sweep", lambda run, items: [run(item) for item in items])
@@ -44,6 +46,29 @@ def test_figures_tells_what_differs_and_keeps_it(published, capsys):
     told = capsys.readouterr().out
     assert "plotted numbers that differ" in told and '"numbers_that_differ": 1' in told
     assert _contents(published)["curve.png"] == b"after" and "more.png" in _contents(published)
+
+
+def test_a_notebook_is_executed_again_only_when_something_has_changed(published, monkeypatch):
+    executed = []
+    execute = publishing.execute_and_store
+    monkeypatch.setattr(
+        publishing, "execute_and_store", lambda path: (executed.append(path.name), execute(path))
+    )
+    (published / "notebooks" / "02_more.ipynb").write_text("before")
+    publishing.regenerate()
+    assert sorted(executed) == ["01_curve.ipynb", "02_more.ipynb"]
+    publishing.regenerate()
+    assert len(executed) == 2  # nothing has changed
+    (published / "notebooks" / "02_more.ipynb").write_text("edited")
+    publishing.regenerate()
+    assert executed[2:] == ["02_more.ipynb"]
+    for change in ("data/table.csv", "figures/curve.png"):
+        (published / change).parent.mkdir(exist_ok=True)
+        (published / change).write_text("other")
+        publishing.regenerate()
+        assert len(executed) % 2 == 1 and len(executed) > 4
+    publishing.regenerate(check=True)
+    assert len(executed) == 9  # a check is of everything
 
 
 def test_figures_check_tells_the_same_and_leaves_everything_as_it_was(published, capsys):

@@ -1,22 +1,33 @@
 """Make everything that is published: the experiment, every notebook in full mode, and with them
 ``figures/``.
+
+A notebook is executed again when it has changed, or anything that it may read: the package, the
+data, the figures. What the last call left behind is noted in the cache of runs.
 """
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from workbench import paths
+from workbench.lab.storage import read_json, write_json
 from workbench.lab.sweeps import Failed, sweep
 from workbench.notebooks import execute_and_store
 from workbench.plots.figures import changed_files, compare_numbers, numbers_in
+from workbench.sources import LIBRARIES, PACKAGE, version
 from workbench.studies.paper import paper_runs
 
 
 def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
-    """Run the experiment (or load it where it is stored) and all notebooks, and compare with what
-    was there before.
+    """Run the experiment (or load it where it is stored) and the notebooks that are not up to date,
+    and compare with what was there before.
 
     Args:
-        check: put the earlier figures and notebooks back afterwards; only tell what would change.
+        check: run all notebooks, put the earlier figures and notebooks back afterwards; only tell
+            what would change.
 
     Returns:
         (files, numbers): names of figure files whose bytes differ, and the plotted numbers that
@@ -33,9 +44,13 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
     stored = {path: path.read_bytes() for path in notebooks}
     try:
         paper_runs(quick=False)
-        for result in sweep(execute_and_store, notebooks):
+        due = notebooks if check else _out_of_date(notebooks)
+        for result in sweep(execute_and_store, due) if due else []:
             if isinstance(result, Failed):
                 raise RuntimeError(result.error)
+        if not check:
+            _note().parent.mkdir(parents=True, exist_ok=True)
+            write_json(_note(), _state(notebooks))
         return changed_files(before, _figure_bytes()), compare_numbers(
             numbers, numbers_in(paths.FIGURES)
         )
@@ -48,6 +63,42 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
                 (paths.FIGURES / name).write_bytes(content)
             for path, content in stored.items():
                 path.write_bytes(content)
+
+
+def _out_of_date(notebooks: list[Path]) -> list[Path]:
+    """Return the notebooks that are not as the last call left them, all if anything else is not."""
+    try:
+        before = read_json(_note())
+    except (OSError, ValueError):
+        return notebooks
+    now = _state(notebooks)
+    if any(now[name] != before.get(name) for name in ("inputs", "figures")):
+        return notebooks
+    known = before["notebooks"]
+    return [path for path in notebooks if known.get(path.name) != now["notebooks"][path.name]]
+
+
+def _state(notebooks: list[Path]) -> dict[str, Any]:
+    """Return hashes of all that notebooks read and of what they made."""
+    sources = sorted(PACKAGE.rglob("*.py")) + sorted(PACKAGE.rglob("*.js"))
+    data = sorted(path for path in paths.DATA.rglob("*") if path.is_file())
+    versions = " ".join(version(library) for library in (*LIBRARIES, "matplotlib", "pandas"))
+    return {
+        "inputs": _hash([*sources, *data]) + versions,
+        "figures": _hash(sorted(paths.FIGURES.glob("*"))),
+        "notebooks": {path.name: _hash([path]) for path in notebooks},
+    }
+
+
+def _hash(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _note() -> Path:
+    return paths.RUNS / ".cache" / "figures.json"
 
 
 def _figure_bytes() -> dict[str, bytes]:
