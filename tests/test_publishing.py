@@ -71,6 +71,28 @@ def test_a_notebook_is_executed_again_only_when_something_has_changed(published,
     assert len(executed) == 9  # a check is of everything
 
 
+def test_an_edit_while_notebooks_run_is_not_forgotten(published, monkeypatch):
+    executed = []
+
+    def execute(path):
+        executed.append(path.name)
+        (published / "data").mkdir(exist_ok=True)
+        (published / "data" / "table.csv").write_text(f"edited {len(executed)}")
+
+    monkeypatch.setattr(publishing, "execute_and_store", execute)
+    publishing.regenerate()
+    publishing.regenerate()
+    assert len(executed) == 2
+
+
+@pytest.mark.parametrize("note", ["{}", "[]", "not json"])
+def test_a_note_that_says_nothing_means_everything(note, published):
+    publishing.regenerate()
+    (published / "runs" / ".cache" / "figures.json").write_text(note)
+    (published / "figures" / "a folder").mkdir()
+    assert publishing._out_of_date([published / "notebooks" / "01_curve.ipynb"])
+
+
 def test_figures_check_tells_the_same_and_leaves_everything_as_it_was(published, capsys):
     before = _contents(published)
     assert main(["figures", "--check"]) == 1

@@ -112,7 +112,6 @@ def learn(
     if out is None:
         if resume:
             raise ValueError("--resume without --out; expected the folder of the run: --out FOLDER")
-        click.echo("nothing of this run is kept; --out FOLDER keeps it", err=True)
     elif resume:
         try:
             config, length = runs.stored_request(out)
@@ -121,6 +120,8 @@ def learn(
             pass  # killed before it began: begin
     config = _configure(values, given, fields_set)
     length = length if steps is None else steps
+    if out is None:
+        click.echo("nothing of this run is kept; --out FOLDER keeps it", err=True)
     return dict(runs.learn(config, steps=length, out=out, resume=resume).summary)
 
 

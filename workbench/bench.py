@@ -52,16 +52,17 @@ class _Loop:
 
     def __init__(self, config: ConvoyConfig, *, former: bool = False) -> None:
         self.former = former
-        with _former_way(former):
-            self.convoy = Convoy(config, [config.seed], steps=10**9, threads=1)
-            _ = self.convoy.world.physics
-            self.convoy.run_block()  # compiles
-        self.recorder = Recorder(config, 10**9)
-        self.model = self.convoy.world.physics
-        self.data = mujoco.MjData(self.model)
-        self.substeps = self.convoy.world.substeps
         self.full: list[float] = []
         self.bare: list[float] = []
+        with _former_way(former):
+            self.convoy = Convoy(config, [config.seed], steps=10**9, threads=1)
+            world = self.convoy.world
+            if world.drive.batch is None:
+                self.model = world.physics
+                self.data = mujoco.MjData(self.model)
+            self.convoy.run_block()  # compiles
+        self.substeps = world.substeps
+        self.recorder = Recorder(config, 10**9)
 
     def warm_up(self, blocks: int) -> None:
         """Compile, and learn beyond the first stumbling."""
@@ -126,13 +127,15 @@ def _former_way(former: bool) -> Iterator[None]:
     if not former:
         yield
         return
+    before = os.environ.get("WORKBENCH_BATCH")
     os.environ["WORKBENCH_BATCH"] = "1"
     stopwatches(True)
     try:
         yield
     finally:
-        del os.environ["WORKBENCH_BATCH"]
-        stopwatches(False)
+        if before is None:
+            del os.environ["WORKBENCH_BATCH"]
+        stopwatches(before == "1")
 
 
 def bench(*, turns: int = 36, runs: int = 200, others: bool = False) -> dict[str, Any]:

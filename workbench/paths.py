@@ -1,10 +1,11 @@
 """Where things are, and how this process was asked to run.
 
-The only place that reads the environment. Three switches exist:
+Switches of the environment; all but the last are read here:
 
     WORKBENCH_QUICK=1        notebooks run a small version and write no figure (tests)
     WORKBENCH_STATIC=1       no progress bars, no widgets (stored notebooks, logs)
     WORKBENCH_RECORDINGS=DIR recordings of real robots, for validation only
+    WORKBENCH_BATCH=1        MuJoCo as it was run formerly, for comparison (``arena.library``)
 
 In a checkout everything is where the README's picture shows it. An installed package has its data
 in itself, and makes runs/ and figures/ where the program was started.

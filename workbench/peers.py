@@ -31,7 +31,7 @@ def peers() -> dict[str, Step]:
     for name, make in (("enki", _enki), ("navground", _navground), ("pymunk", _pymunk)):
         try:
             found[name] = make()
-        except (ImportError, AttributeError):  # another package may have the name
+        except (ImportError, AttributeError, TypeError):  # another package, or version
             continue
     return found
 

@@ -42,6 +42,7 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
     numbers = numbers_in(paths.FIGURES)
     notebooks = sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
     stored = {path: path.read_bytes() for path in notebooks}
+    inputs = _inputs()  # as they are before anything is made of them
     try:
         paper_runs(quick=False)
         due = notebooks if check else _out_of_date(notebooks)
@@ -50,7 +51,7 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
                 raise RuntimeError(result.error)
         if not check:
             _note().parent.mkdir(parents=True, exist_ok=True)
-            write_json(_note(), _state(notebooks))
+            write_json(_note(), {"inputs": inputs} | _made(notebooks))
         return changed_files(before, _figure_bytes()), compare_numbers(
             numbers, numbers_in(paths.FIGURES)
         )
@@ -69,31 +70,37 @@ def _out_of_date(notebooks: list[Path]) -> list[Path]:
     """Return the notebooks that are not as the last call left them, all if anything else is not."""
     try:
         before = read_json(_note())
-    except (OSError, ValueError):
+        known = dict(before["notebooks"])
+    except (OSError, ValueError, KeyError, TypeError):
         return notebooks
-    now = _state(notebooks)
+    now = {"inputs": _inputs()} | _made(notebooks)
     if any(now[name] != before.get(name) for name in ("inputs", "figures")):
         return notebooks
-    known = before["notebooks"]
     return [path for path in notebooks if known.get(path.name) != now["notebooks"][path.name]]
 
 
-def _state(notebooks: list[Path]) -> dict[str, Any]:
-    """Return hashes of all that notebooks read and of what they made."""
+def _inputs() -> str:
+    """Return a hash of all that notebooks read."""
     sources = sorted(PACKAGE.rglob("*.py")) + sorted(PACKAGE.rglob("*.js"))
     data = sorted(path for path in paths.DATA.rglob("*") if path.is_file())
     versions = " ".join(version(library) for library in (*LIBRARIES, "matplotlib", "pandas"))
+    return f"{_hash(sources, PACKAGE)} {_hash(data, paths.DATA)} {versions}"
+
+
+def _made(notebooks: list[Path]) -> dict[str, Any]:
+    """Return hashes of figures and notebooks as they are now."""
+    figures = sorted(path for path in paths.FIGURES.glob("*") if path.is_file())
     return {
-        "inputs": _hash([*sources, *data]) + versions,
-        "figures": _hash(sorted(paths.FIGURES.glob("*"))),
-        "notebooks": {path.name: _hash([path]) for path in notebooks},
+        "figures": _hash(figures, paths.FIGURES),
+        "notebooks": {path.name: _hash([path], paths.NOTEBOOKS) for path in notebooks},
     }
 
 
-def _hash(files: Iterable[Path]) -> str:
+def _hash(files: Iterable[Path], folder: Path) -> str:
     digest = hashlib.sha256()
     for path in files:
-        digest.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+        name = path.relative_to(folder).as_posix()
+        digest.update(name.encode() + hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 

@@ -24,6 +24,17 @@ def test_half_darkness_lies_at_the_line_s_edge(width):
     assert inside.mean() == pytest.approx(0.5, abs=0.0003)
 
 
+@pytest.mark.parametrize("width", [0.015, 0.1, 0.5])
+def test_the_edge_of_any_line_is_where_it_is(width):
+    track, floor = _floor(width, judder="none", radius_m=1.0)
+    edge = width / 2 + np.linspace(-0.0006, 0.0006, 7)
+    for angle in np.linspace(0, 2 * np.pi, 60):
+        out = np.array([np.cos(angle), np.sin(angle)])
+        dark = floor.darkness(0, (1.0 + edge)[:, None] * out)
+        # half a millimetre of edge is darkness of a third
+        np.testing.assert_allclose(dark, 0.5 - (edge - width / 2) / 0.0016, atol=0.06)
+
+
 def test_the_whole_line_is_dark_and_far_away_is_white():
     track, floor = _floor(shape="eight")
 

@@ -1,6 +1,7 @@
 """The drive that needs no engine: its arcs, its pushing, and that everything works on it."""
 
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -107,6 +108,33 @@ def test_contacts_are_counted_as_on_other_drives():
         motion = Motion.of_steps(Convoy(config, [1], steps=10**6).run_block()[0])
         share[drive] = float(np.mean(motion.gaps_m() < 0))
     assert share["rolling"] == pytest.approx(share["planar"], rel=0.5) and share["rolling"] > 0.005
+
+
+def test_robots_that_would_drive_through_each_other_are_refused():
+    fast = replace(EPUCK, most_steps=3000)
+    with pytest.raises(ValueError, match="close in by up to 0.08 m in a control period"):
+        _world(2, robot=fast)
+
+
+def test_a_robot_that_is_nowhere_is_an_error():
+    world = _world(2)
+    world.place(0, 1, math.nan, 0.0, 0.0)
+    world.step([0])
+    with pytest.raises(RuntimeError, match="formation 0 has a robot whose place is not a number"):
+        world.check(0, 1)
+    with pytest.raises(ValueError, match="name = 'x'; expected one of qpos, time, ctrl, qvel"):
+        world.batch.bind("x")
+
+
+def test_what_fails_in_one_thread_leaves_no_other_running():
+    convoy = Convoy(replace(ROLLING, followers=16), [1, 2, 3, 4], steps=10**7, threads=2)
+    convoy.run_block()
+    convoy.weights[1] = np.inf
+    with pytest.raises(FloatingPointError, match="seed 2"):
+        convoy.run_block()
+    before = convoy.periods.copy()
+    time.sleep(0.2)
+    np.testing.assert_array_equal(convoy.periods, before)
 
 
 def test_furniture_is_refused():

@@ -2,10 +2,10 @@
 
 import subprocess
 import sys
+import threading
 
-from workbench.formation.body import BodyConfig
-from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import Convoy
+import numba
+
 from workbench.lab import compiling
 
 FIRST = """
@@ -34,8 +34,14 @@ def test_a_bar_shows_at_the_first_time_alone_and_knows_how_long_it_is(tmp_path, 
     assert later.out.strip() == "0" and "compiling" not in later.err
 
 
-def test_the_lean_loop_is_for_those_who_need_no_more():
-    plain = {"drive": "rolling"}, {"followers": 2}, {"reward": "absolute"}, {"state_tiles": (5, 5)}
-    assert all(Convoy(ConvoyConfig(**kind), [1], steps=1).plain for kind in plain)
-    more = ConvoyConfig(sensing="camera"), ConvoyConfig(body=BodyConfig(slip=0.1))
-    assert not any(Convoy(config, [1], steps=1).plain for config in more)
+def test_a_bar_leaves_other_threads_alone():
+    other = threading.Thread(target=lambda: numba.njit(lambda x: x + 1)(1.0))
+    other.start()  # in the middle of compiling
+    errors = []
+    threading.excepthook, before = errors.append, threading.excepthook
+    try:
+        with compiling.watched(True, 10):
+            other.join()
+    finally:
+        threading.excepthook = before
+    assert not errors

@@ -140,7 +140,7 @@ def _is_mj_step(where: int) -> bool:
 
 
 class Engine:
-    """The physics of B formations in compiled code, for a drive that needs no engine.
+    """What lets time pass for B formations in compiled code; as it is, for drives without MuJoCo.
 
     Args:
         world: whose formations they are.

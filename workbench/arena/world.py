@@ -163,6 +163,13 @@ class World:
                 f"drive = {self.drive.name!r} with furniture; nothing stops a robot there: "
                 "expected 'planar' or 'wheels'"
             )
+        closing = 2 * self.robot.most_mps * CONTROL_PERIOD
+        if closing > self.robot.body_radius_m:
+            raise ValueError(
+                f"drive = {self.drive.name!r} with robots of {self.robot.body_radius_m:g} m radius "
+                f"that close in by up to {closing:.2f} m in a control period; they would drive "
+                "through each other: expected 'wheels', or slower robots"
+            )
         return self.drive.batch(self.robot, self.robots, self.formations)
 
     @functools.cached_property
@@ -200,8 +207,10 @@ class World:
 
     def check(self, formation: int, periods: int) -> None:
         """Raise RuntimeError if MuJoCo gave up on a formation (it then resets it, clock
-        included).
+        included), or a robot is nowhere.
         """
+        if not np.isfinite(self.qpos[formation]).all():
+            raise RuntimeError(f"formation {formation} has a robot whose place is not a number")
         now = float(self._time[formation].item())
         if not math.isclose(now, periods * CONTROL_PERIOD, rel_tol=1e-6):
             raise RuntimeError(

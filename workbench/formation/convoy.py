@@ -23,7 +23,7 @@ import functools
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 import mujoco
@@ -47,6 +47,7 @@ from workbench.formation.control import (
 from workbench.formation.follower import begin_episode
 from workbench.formation.initial_weights import first_weights
 from workbench.formation.laws.law import ControlLaw
+from workbench.formation.laws.outside import Outside
 from workbench.formation.laws.table import check_law
 from workbench.formation.lean import is_plain, lean
 from workbench.formation.own_reward import OwnReward, check_reward, trouble
@@ -124,6 +125,7 @@ class Convoy:
         self.config = config
         self.seeds = tuple(seeds)
         self._learning = steps > 0
+        self._law = law
         self._owner = reward or law  # of what may fail in the loop
         self.rngs = [children(seed, config.fleet) for seed in seeds]
         tracks = [track_of(config, rng["track"]) for rng in self.rngs]
@@ -145,6 +147,8 @@ class Convoy:
         self._formations = self._counters(steps, periods)
         if external is not None:
             self._leave_to_others(external)
+        # somebody outside may look at all that a robot has
+        self.task["infrared"]["all"] = external is not None or isinstance(law, Outside)
         self.has_sensors = False
         self.eyes = list[Eyes]()
         self.lens = np.zeros((len(seeds), 3, 2, 2))
@@ -266,7 +270,7 @@ class Convoy:
     @property
     def plain(self) -> bool:
         """Whether the lean loop does what is asked for, see ``formation.lean``."""
-        return is_plain(self.config, self._owner if isinstance(self._owner, ControlLaw) else None)
+        return is_plain(self.config, self._law)
 
     def compile(self, *, periods: bool = False) -> None:
         """Compile what whole blocks are run by, and single periods if asked for; it is done anyhow
@@ -373,7 +377,14 @@ class Convoy:
             for b in waiting:
                 self._run_one(physics, b)
             return
-        list(self._pool.map(lambda b: self._run_one(physics, b), waiting))
+        running = [self._pool.submit(self._run_one, physics, b) for b in waiting]
+        try:
+            for formation in running:
+                formation.result()
+        finally:  # what fails, or is interrupted, leaves nobody running
+            for formation in running:
+                formation.cancel()
+            wait(running)
 
     def _run_one(self, physics: Engine, b: int) -> None:
         """Run a block of one formation."""
@@ -517,7 +528,8 @@ class Convoy:
         """Continue from a state of a convoy with the same configuration, seeds and steps.
 
         Raises:
-            ValueError: an array is missing or has another shape; nothing is changed then.
+            ValueError: an array is missing, has another shape or other fields; nothing is changed
+                then.
         """
         own = self.state()
         for name, array in own.items():
@@ -525,6 +537,11 @@ class Convoy:
                 found = state[name].shape if name in state else "nothing"
                 raise ValueError(
                     f"state[{name!r}] is {found}, expected {array.shape}; load into an equal convoy"
+                )
+            if array.dtype.names != state[name].dtype.names:
+                raise ValueError(
+                    f"state[{name!r}] has other fields than this version of the workbench: "
+                    "expected a state that it has made"
                 )
         self.world.states[:] = state["physics"]
         self.robots[:] = state["robots"]
@@ -564,7 +581,8 @@ class Convoy:
         if flags & DIVERGED:
             if said := trouble(self.robots, self._owner):
                 raise ValueError(said)
-            for b, seed in enumerate(self.seeds):
+            for b in formations:
+                seed = self.seeds[b]
                 if not np.all(np.isfinite(self.weights[b])):
                     learner = self.config.learner
                     message = not_finite(

@@ -20,6 +20,9 @@ from workbench.formation.senses.table import SENSES
 from workbench.learning import rules
 from workbench.learning.rules import RULES
 
+_TRUTH = SENSES["truth"]
+_PARTS = ("locate", "see", "tiled", "errors")
+
 
 @compiled
 def _no_law(task: Any, follower: Any, distance: float, bearing: float) -> tuple[int, int]:
@@ -36,20 +39,17 @@ def _no_body(
 
 def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
     """Return whether a convoy needs nothing but the lean loop."""
+    sense = SENSES[config.sensing]
     return (
         law is None
         and config.body.nominal
-        and SENSES[config.sensing].see is _TRUTH.see
+        and all(getattr(sense, part) is getattr(_TRUTH, part) for part in _PARTS)
         and RULES[config.learner.rule].update is rules.gq_step
     )
 
 
-_TRUTH = SENSES["truth"]
 _OTHERS = {
-    senses.locate: chosen([_TRUTH.locate]),
-    senses.see: chosen([_TRUTH.see]),
-    senses.tiled: chosen([_TRUTH.tiled]),
-    senses.errors: chosen([_TRUTH.errors]),
+    **{getattr(senses, part): chosen([getattr(_TRUTH, part)]) for part in _PARTS},
     laws.steer: _no_law,
     body.drive_body: _no_body,
     rules.update: chosen([rules.gq_step]),

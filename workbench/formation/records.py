@@ -134,6 +134,6 @@ FORMATION = np.dtype(  # one formation's counters
         ("last_period", "i8"),
         ("done", "i8"),
         ("restart", "i8"),
-        ("apart", "i8", (10,)),  # keeps what two threads count on different cache lines
+        ("padding", "i8", (10,)),  # keeps what two threads count on different cache lines
     ]
 )

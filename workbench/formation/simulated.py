@@ -144,6 +144,12 @@ class SimulatedRobot(Robot):
         alone = config.followers == 1 and self.robot == 1
         others = self._others if self._others is not None or alone or self._learn else CarrotPI()
         driver = others.theta if isinstance(others, Policy) else others
+        if self.config.delay_steps:
+            raise ValueError(
+                f"ConvoyConfig.compute_time_s = {self.config.compute_time_s!r} without the buffer; "
+                "a robot that is driven from outside runs whole control periods: expected "
+                "learner.buffer = True"
+            )
         self.convoy = Convoy(
             config,
             [config.seed],

@@ -3,6 +3,7 @@
 >>> prepare(progress=False)  # later runs begin at once, also those of other processes
 """
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,28 +15,31 @@ from workbench import paths
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.lab.progress import Progress
+from workbench.lab.records import Recorder
 
 # about how many functions there are, of a plain configuration and of any other: for the bar alone
 FUNCTIONS = {True: 90, False: 150}
 
 
 class _Watch(event.Listener):
-    """Shows a bar from the first function on that is compiled, not found in the cache."""
+    """Shows a bar from the first function on that this thread compiles, not finds in the cache."""
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.bar: Any = None
+        self._thread = threading.get_ident()
 
     def on_start(self, event: Any) -> None:
         """Show the bar."""
-        if self.bar is None:
+        if self.bar is None and threading.get_ident() == self._thread:
             words = "compiling, once"
             self.bar = tqdm(total=self.total, desc=words, unit=" functions", leave=False)
 
     def on_end(self, event: Any) -> None:
-        """Count a function; the bar may find more than it was told of."""
-        self.bar.total = max(self.bar.total, self.bar.n + 1)
-        self.bar.update(1)
+        """Count a function; there may be more than the bar was told of."""
+        if self.bar is not None and threading.get_ident() == self._thread:
+            self.bar.total = max(self.bar.total, self.bar.n + 1)
+            self.bar.update(1)
 
 
 @contextmanager
@@ -45,10 +49,12 @@ def watched(progress: Progress, total: int) -> Iterator[None]:
         yield
         return
     watch = _Watch(total)
-    with event.install_listener("numba:compile", watch):
-        yield
-    if watch.bar is not None:
-        watch.bar.close()
+    try:
+        with event.install_listener("numba:compile", watch):
+            yield
+    finally:
+        if watch.bar is not None:
+            watch.bar.close()
 
 
 def compile_blocks(convoy: Convoy, progress: Progress) -> None:
@@ -58,13 +64,16 @@ def compile_blocks(convoy: Convoy, progress: Progress) -> None:
 
 
 def prepare(config: ConvoyConfig | None = None, *, progress: Progress = True) -> None:
-    """Compile what runs with a configuration need, the live arena included, so that nothing waits
-    for it later.
+    """Compile what learning with a configuration needs, one seed at a time, and watching it live,
+    so that nothing waits for it later. What a classical law needs is compiled when it drives.
 
     Args:
         config: default the paper's, and whatever needs no more than that.
         progress: True for a bar while something is compiled.
     """
     convoy = Convoy(config or ConvoyConfig(), [1], steps=1)
+    recorder = Recorder(convoy.config, 1)
     with watched(progress, FUNCTIONS[convoy.plain]):
         convoy.compile(periods=True)
+        for [steps] in convoy.steps():
+            recorder.add(steps, 0)

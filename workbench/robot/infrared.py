@@ -16,7 +16,8 @@ Sources and freedom. Bearings: box sweep with a real e-puck1 (github clamesc/ePu
 spreads from two labs. One has 2.2 to 2.7 counts at readings of 60 to 250 and 4.2 at 250 to 400 for
 a weighted mean of four sensors, which we take for three quarters of a single one's; the other, on a
 moving e-puck2 (github Wii42/Robotics_Project), 6 below 200, 17 to 21 to 800 and about 220 above.
-The curve is the first lab's where there is one, and meets the second's from 400 counts on.
+The curve is the first lab's where there is one, and passes through the second's above (8 counts at
+400, 17 at 600, 30 at 800).
 Sampling: gctronic/e-puck-library: sensor pairs (0,4) (1,5) (2,6) (3,7) in turn, 3.967 ms each, so
 that ps7 is 11.9 ms younger than ps0. Reflectances of shell, cup and tape, the beacon and ambient
 light are nobody's measurement: assumptions, see TARGETS.

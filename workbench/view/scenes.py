@@ -323,6 +323,7 @@ class LiveScene:
         )
         if not self.convoy.has_sensors:
             fit_sensors(self.convoy)
+        self.convoy.task["infrared"]["all"] = True  # all sensors are shown
         self._noise = np.random.default_rng(self.config.seed)  # of the readings that are only shown
         self._stick = Joystick(self.config)
         self._joystick = (0.0, 0.0)

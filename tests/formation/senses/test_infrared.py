@@ -11,9 +11,11 @@ import pytest
 from workbench.arena.camera.config import CameraConfig
 from workbench.arena.floor import FAR
 from workbench.arena.proximity import add_box
+from workbench.envs.environments import FollowEnv
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import BLINDED, LOSS
+from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.records import ROBOT
 from workbench.formation.reset import FOLLOW, LOST, drive_on
 from workbench.formation.simulated import SimulatedRobot, sense
@@ -32,6 +34,7 @@ from workbench.robot.infrared import (
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
 from workbench.studies.infrared_trials import recoveries
+from workbench.view.scenes import LiveScene
 
 # s: in lockstep a request that is repeated lets another period pass, and a busy machine answers
 # late
@@ -231,6 +234,26 @@ def test_a_robot_that_is_driven_from_outside_reads_all_its_sensors(sensing):
             robot.step()
             seen.append(robot.get_proximity())
     assert (np.ptp(np.array(seen), axis=0) > 0).all()
+
+
+def test_environments_and_the_live_arena_show_all_sensors():
+    config = replace(SETTINGS["infrared"], followers=1, drive="rolling")
+    env = FollowEnv(config, observation="infrared")
+    seen = [env.reset(seed=seed)[0] for seed in range(20)]
+    assert (np.ptp(np.array(seen), axis=0) > 0).all()
+    scene = LiveScene(config, law=CarrotPI())
+    scene.advance(5)
+    assert (scene.convoy.robots["infrared"]["readings"][0, 1, 2:6] >= 0).all()
+    assert scene.convoy.task["infrared"]["all"].all()
+
+
+def test_with_many_robots_in_reach_a_follower_sees_the_one_in_front():
+    config = replace(SETTINGS["infrared"], drive="rolling", sensing="ir-metric", followers=12)
+    beacon = replace(config.infrared, target="beacon", gain_spread=0.0, noise=0.0)
+    convoy = Convoy(replace(config, infrared=beacon), [1], periods=1, policy=CarrotPI())
+    convoy.whole()
+    distance = convoy.robots["seen"]["distance"][0, 1:]
+    assert distance == pytest.approx(config.middle_m, abs=0.01)
 
 
 def test_without_the_buffer_the_api_loop_learns_before_it_acts():

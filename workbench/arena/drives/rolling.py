@@ -2,12 +2,13 @@
 
 In T seconds at commanded rim speeds of mean v and turning rate ω, after v₀ and ω₀, a robot rolls
 
-    s = k_s T v - τ_s (v - v₀)  along the chord of an arc,      a = k_ω T ω - τ_ω (ω - ω₀)
+    s = k_s T v - τ_s (v - v₀)  on an arc of the angle  a = k_ω T ω - τ_ω (ω - ω₀)
 
-The four constants are a fit to the drive "wheels": two least squares over 4 000 control periods of
-random 7×7 commands (``measures.drives.fit_rolling``, which a test runs again), which leave 0.008 mm
-and 0.013° a period. Wheels get 0.6 % less way than exact rolling, and overshoot after a change of
-speed, hence the negative τ_s.
+(its chord by a series that is right to 1 % up to |a| = 2; an e-puck reaches 0.5). The four
+constants are a fit to the drive "wheels": two least squares over 4 000 control periods of random
+7×7 commands (``measures.drives.fit_rolling``, which a test runs again), which leave 0.008 mm and
+0.013° a period. Wheels get 0.6 % less way than exact rolling, and overshoot after a change of
+speed, hence the negative τ_s. They are the e-puck's: a heavier robot takes longer to speed up.
 
 Robots that overlap are pushed apart, half of it each, to just within touching, so that records show
 them in contact. Nothing slips but by ``BodyConfig.slip``; there is no torque limit, no tilt, and
@@ -34,7 +35,7 @@ TURN_LAG = 0.00147  # s, τ_ω
 TOUCHING = 69.8 / 70.0  # of two radii, to which robots are pushed apart
 PASSES = 4  # of pushing, at most, in a period
 WIDTH = 6  # numbers of a robot in a row
-APART = 16  # numbers that keep rows of two threads on different cache lines
+PADDING = 16  # numbers that keep rows of two threads on different cache lines
 TIMESTEP = 0.02  # s: what a compute time is a multiple of
 
 
@@ -143,7 +144,7 @@ class Rolling:
 
     def __init__(self, robot: RobotConfig, robots: int, formations: int) -> None:
         width = WIDTH * robots + 1  # the last one is the clock
-        self.nstate = width + 2 * robots + APART
+        self.nstate = width + 2 * robots + PADDING
         states = np.zeros((formations, self.nstate))
         self._views = {
             "qpos": states[:, :width],
@@ -157,12 +158,14 @@ class Rolling:
 
     def bind(self, name: str) -> NDArray[np.float64]:
         """Return a live view: "qpos", "ctrl", "qvel" or "time"."""
+        if name not in self._views:
+            raise ValueError(f"name = {name!r}; expected one of {', '.join(self._views)}")
         return self._views[name]
 
     def step(self, ids: NDArray[np.int64] | None = None, nstep: int = 1) -> None:
         """Advance all formations, or those named, by some time steps."""
         qpos, ctrl = self._views["qpos"], self._views["ctrl"]
-        which = np.arange(len(qpos)) if ids is None else ids
+        which = np.arange(len(qpos)) if ids is None else np.asarray(ids, np.int64)
         _step(qpos, ctrl, which, nstep * TIMESTEP, self._track_m, self._apart)
 
 

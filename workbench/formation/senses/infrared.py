@@ -87,6 +87,7 @@ INFRARED = np.dtype(
 PERCEPTION = np.dtype(
     [
         ("sees", "i8"),  # whether followers look with it
+        ("all", "i8"),  # whether at all eight sensors, or at those that they follow by
         ("radius", "f8"),  # what is looked at; sampling
         ("strength", "f8"),
         ("beacon", "i8"),
@@ -154,8 +155,10 @@ def _gather(robots: Any, i: int, age: float, x: float, y: float, reach: float) -
     """Note the places of the robots within reach (m) of robot i at x, y; return their number."""
     infrared = robots[i].infrared
     count = 0
-    for j in range(robots.size):
-        if j == i or count == NEAR:
+    # where there is no room for all, those about its place in line
+    first = max(0, min(i - NEAR // 2, robots.size - NEAR - 1))
+    for j in range(first, min(first + NEAR + 1, robots.size)):
+        if j == i:
             continue
         other = robots[j]
         dx, dy = other.pose.x - x, other.pose.y - y
@@ -257,8 +260,7 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write where the predecessor of follower i is by its own readings."""
     robot = robots[i]
     if not robot.seen.silent:
-        # somebody who drives a robot from outside may look at all that it has
-        used = ALL if i == task.run.external else LOOKING
+        used = ALL if task.infrared.all else LOOKING
         sense_proximity(task, robots, i, chance.infrared, used)
     robot.seen.distance, robot.seen.bearing = look(task, robot)
 
