@@ -60,13 +60,15 @@ def from_wheels(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw how drives differ in learning, following and moving."""
+    """Draw how drives differ in following and moving; the numbers have losses, too."""
     named = table.assign(condition=table["driver"] + ", " + table["drive"])
     shown = {name: words for name, (words, _, _) in MARGINS.items() if name in PANELS}
     fig = dot_panels(named, "condition", shown, size=(11.4, 3.4))
     for ax in fig.axes:
         ax.set_xlim(left=0)
-    return fig, by_quantity(table, ["driver", "drive"], MARGINS)
+    keys = ["driver", "drive"]
+    parts = [by_quantity(table.dropna(subset=[name]), keys, [name]) for name in MARGINS]
+    return fig, pd.concat(parts, ignore_index=True)
 
 
 def verdict(table: pd.DataFrame) -> Verdict:
@@ -85,7 +87,7 @@ def verdict(table: pd.DataFrame) -> Verdict:
     return Verdict("drives", claim, ruling(*rolling["within"]), because)
 
 
-PANELS = ("learning_losses", "following_rms_distance_mm", "turn_rms_deg_s_1")
+PANELS = ("following_rms_distance_mm", "following_bearing_std_deg", "turn_rms_deg_s_1")
 STUDY = Study(
     "drives",
     __doc__,
