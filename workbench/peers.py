@@ -31,7 +31,7 @@ def peers() -> dict[str, Step]:
     for name, make in (("enki", _enki), ("navground", _navground), ("pymunk", _pymunk)):
         try:
             found[name] = make()
-        except (ImportError, AttributeError, TypeError):  # another package, or version
+        except Exception:  # another package of that name, another version, a broken installation
             continue
     return found
 

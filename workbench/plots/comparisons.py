@@ -162,6 +162,7 @@ def dot_panels(
         reference: see ``dots``.
     """
     fig = Figure(figsize=size, layout="constrained")
+    fig.set_layout_engine("constrained", w_pad=0.1)  # inches: room for the longest name
     axes = fig.subplots(1, len(values))
     for ax, (value, words) in zip(axes, values.items(), strict=True):
         dots(by_condition(table, [rows], value), rows, xlabel=words, ax=ax, reference=reference)

@@ -61,7 +61,8 @@ def from_wheels(table: pd.DataFrame) -> pd.DataFrame:
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw how drives differ in following and moving; the numbers have losses, too."""
-    named = table.assign(condition=table["driver"] + ", " + table["drive"])
+    driver = table["driver"].replace("recommended", "4 tilings")
+    named = table.assign(condition=driver + ", " + table["drive"])
     shown = {name: words for name, (words, _, _) in MARGINS.items() if name in PANELS}
     fig = dot_panels(named, "condition", shown, size=(11.4, 3.4))
     for ax in fig.axes:
