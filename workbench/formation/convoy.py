@@ -145,18 +145,22 @@ class Convoy:
         self.task["leader"]["row0"] = self.world.floor.row0
         self.robots = self._fleet(steps)
         self._formations = self._counters(steps, periods)
+        self._equip(external)
+        self._draws = self._what_is_drawn()
+        self._bind()
+
+    def _equip(self, external: int | None) -> None:
+        """Give the robots what they sense with; note who is driven from outside."""
         if external is not None:
             self._leave_to_others(external)
         # somebody outside may look at all that a robot has
-        self.task["infrared"]["all"] = external is not None or isinstance(law, Outside)
+        self.task["infrared"]["all"] = external is not None or isinstance(self._law, Outside)
         self.has_sensors = False
         self.eyes = list[Eyes]()
-        self.lens = np.zeros((len(seeds), 3, 2, 2))
-        SENSES[config.sensing].equip(self)
+        self.lens = np.zeros((len(self.seeds), 3, 2, 2))
+        SENSES[self.config.sensing].equip(self)
         if external is not None and not self.has_sensors:
             fit_sensors(self)
-        self._draws = self._what_is_drawn()
-        self._bind()
 
     def _leave_to_others(self, robot: int) -> None:
         """Note which robot somebody else drives."""

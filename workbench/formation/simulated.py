@@ -63,6 +63,16 @@ def _ground(task: Any, floor: Any, robots: Any, i: int, k: int, noise: float) ->
     return read_ground(task[0], floor, robots[i], k, noise)
 
 
+def _check_whole_periods(config: ConvoyConfig) -> None:
+    """Refuse commands that wait for an update within a control period."""
+    if config.delay_steps:
+        raise ValueError(
+            f"ConvoyConfig.compute_time_s = {config.compute_time_s!r} without the buffer; a robot "
+            "that is driven from outside runs whole control periods: expected "
+            "learner.buffer = True"
+        )
+
+
 def _gyroscope(turn: float) -> float:
     """Return the raw reading of a turning rate (rad/s), to the left positive: 131 counts per °/s,
     16 bits, as the e-puck2's motion sensor has it at its finest range; which range its firmware
@@ -144,12 +154,7 @@ class SimulatedRobot(Robot):
         alone = config.followers == 1 and self.robot == 1
         others = self._others if self._others is not None or alone or self._learn else CarrotPI()
         driver = others.theta if isinstance(others, Policy) else others
-        if self.config.delay_steps:
-            raise ValueError(
-                f"ConvoyConfig.compute_time_s = {self.config.compute_time_s!r} without the buffer; "
-                "a robot that is driven from outside runs whole control periods: expected "
-                "learner.buffer = True"
-            )
+        _check_whole_periods(config)
         self.convoy = Convoy(
             config,
             [config.seed],

@@ -178,12 +178,18 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
     """
     robots = block.shape[1]
     x, y = np.empty(robots), np.empty(robots)
+    order = np.arange(robots)
     for t in range(block.shape[0]):
         for i in range(robots):
             x[i], y[i] = block[t, i].x, block[t, i].y
-        for i in range(1, robots):
-            for j in range(i):
+        _sort(order, x)
+        # from left to right, only those close behind can touch it
+        for n in range(robots):
+            for m in range(n + 1, robots):
+                i, j = max(order[n], order[m]), min(order[n], order[m])
                 dx, dy = x[i] - x[j], y[i] - y[j]
+                if abs(dx) >= touch:
+                    break
                 if dx * dx + dy * dy < touch * touch:
                     if t:
                         touched = _touching(block[t - 1, i], block[t - 1, j], touch)
@@ -192,6 +198,18 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
                             before[0, i], before[0, j], touch
                         )
                     counts[i - 1] += not touched
+
+
+@compiled
+def _sort(order: Any, x: Any) -> None:
+    """Sort the numbers of robots by their places, which change little from one time to the next."""
+    for n in range(1, order.size):
+        who = order[n]
+        m = n
+        while m > 0 and x[order[m - 1]] > x[who]:
+            order[m] = order[m - 1]
+            m -= 1
+        order[m] = who
 
 
 @compiled

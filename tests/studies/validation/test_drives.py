@@ -35,7 +35,7 @@ def test_a_recording_of_the_model_itself_is_met_and_its_delay_found(tmp_path, mo
     monkeypatch.setenv("WORKBENCH_RECORDINGS", str(tmp_path / "in"))
     validate_drive(out=tmp_path / "out")
     table = pd.read_csv(tmp_path / "out" / "drive.csv").set_index(["drive", "firmware"])
-    assert len(table) == 4  # two drives, two rules; the robot that never moved has no line
+    assert len(table) == 6  # three drives, two rules; the robot that never moved has no line
     own = table.loc[("planar", "e-puck2")]
     assert own.start_up_delay_s == pytest.approx(1.3, abs=0.02)
     assert (
@@ -104,4 +104,4 @@ def test_the_published_comparison_is_one_of_aggregates_and_names_its_source():
     stored = json.loads((paths.DATA / "validation" / "drive.json").read_text())
     assert "ttu_dp_elisa3_python" in stored["source"]
     table = pd.read_csv(paths.DATA / "validation" / "drive.csv")
-    assert len(table) == 4 * stored["robot_runs"] and table["rows"].min() > 20
+    assert len(table) == 6 * stored["robot_runs"] and table["rows"].min() > 20
