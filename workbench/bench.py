@@ -135,6 +135,8 @@ def _former_way(former: bool) -> Iterator[None]:
     finally:
         if before is None:
             del os.environ["WORKBENCH_BATCH"]
+        else:
+            os.environ["WORKBENCH_BATCH"] = before
         stopwatches(before == "1")
 
 

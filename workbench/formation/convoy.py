@@ -542,7 +542,7 @@ class Convoy:
                 raise ValueError(
                     f"state[{name!r}] is {found}, expected {array.shape}; load into an equal convoy"
                 )
-            if array.dtype.names != state[name].dtype.names:
+            if array.dtype.names and array.dtype != state[name].dtype:
                 raise ValueError(
                     f"state[{name!r}] has other fields than this version of the workbench: "
                     "expected a state that it has made"

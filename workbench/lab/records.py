@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.neighbours import sort_by_place
 from workbench.compiled import compiled, compiled_with_arrays
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
@@ -182,7 +183,7 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
     for t in range(block.shape[0]):
         for i in range(robots):
             x[i], y[i] = block[t, i].x, block[t, i].y
-        _sort(order, x)
+        sort_by_place(order, x)
         # from left to right, only those close behind can touch it
         for n in range(robots):
             for m in range(n + 1, robots):
@@ -198,18 +199,6 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
                             before[0, i], before[0, j], touch
                         )
                     counts[i - 1] += not touched
-
-
-@compiled
-def _sort(order: Any, x: Any) -> None:
-    """Sort the numbers of robots by their places, which change little from one time to the next."""
-    for n in range(1, order.size):
-        who = order[n]
-        m = n
-        while m > 0 and x[order[m - 1]] > x[who]:
-            order[m] = order[m - 1]
-            m -= 1
-        order[m] = who
 
 
 @compiled

@@ -66,7 +66,7 @@ def exact_rolling(left: int, right: int, seconds: float) -> pd.DataFrame:
     return pd.DataFrame({"t_s": t, "x_m": x, "y_m": y, "heading_rad": angle})
 
 
-# what a drive may differ by from wheels, set before anything was measured: unit, margin
+# what a drive may differ by from wheels, set before rolling was first run: unit, margin
 MARGINS = {
     "straight, way in 0.1 s": ("mm", 0.1),
     "straight, way in 1 s": ("mm", 0.3),

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from workbench.arena.drives import planar
 from workbench.arena.drives.drive import Drive
+from workbench.arena.neighbours import sort_by_place
 from workbench.compiled import compiled
 from workbench.robot.description import RobotConfig
 
@@ -77,14 +78,16 @@ def _move(qpos: Any, ctrl: Any, robots: int, seconds: float, track_m: float) -> 
 @compiled
 def _part(qpos: Any, robots: int, apart: float) -> None:
     """Push robots that overlap away from each other, half of what is missing each."""
+    order = qpos[5 : WIDTH * robots : WIDTH]
+    x = qpos[0 : WIDTH * robots : WIDTH]
     for _ in range(PASSES):
-        _sort(qpos, robots)
+        sort_by_place(order, x)
         pushed = False
         for n in range(robots):
-            i = WIDTH * int(qpos[WIDTH * n + 5])
+            i = WIDTH * int(order[n])
             # from left to right, only those close behind can touch it
             for m in range(n + 1, robots):
-                j = WIDTH * int(qpos[WIDTH * m + 5])
+                j = WIDTH * int(order[m])
                 dx = qpos[j] - qpos[i]
                 if dx >= apart:
                     break
@@ -108,25 +111,6 @@ def _push(qpos: Any, i: int, j: int, dx: float, dy: float, gap: float, apart: fl
     qpos[i + 1] -= share * dy / gap
     qpos[j] += share * dx / gap
     qpos[j + 1] += share * dy / gap
-
-
-@compiled
-def _sort(qpos: Any, robots: int) -> None:
-    """Bring who is the n-th from the left up to date, by insertion: hardly anything changes from
-    one period to the next.
-    """
-    for n in range(1, robots):
-        who = qpos[WIDTH * n + 5]
-        x = qpos[WIDTH * int(who)]
-        m = n
-        while m > 0:
-            other = qpos[WIDTH * (m - 1) + 5]
-            there = qpos[WIDTH * int(other)]
-            if there < x or (there == x and other < who):
-                break
-            qpos[WIDTH * m + 5] = other
-            m -= 1
-        qpos[WIDTH * m + 5] = who
 
 
 @compiled
