@@ -108,8 +108,8 @@ def _configs():
     # rolling
     rolling = replace(planar, drive="rolling")
     cases["rolling"] = (rolling, learn)
-    cases["rolling, recommended"] = (
-        replace(SETTINGS["recommended"], drive="rolling"),
+    cases["rolling, offset"] = (
+        replace(SETTINGS["offset"], drive="rolling"),
         learn | {"seeds": (5, 1, 4)},
     )
     cases["rolling, infrared"] = (replace(infrared, drive="rolling", sensing="ir-raw"), learn)
@@ -141,9 +141,9 @@ def _configs():
     )
     cases["quantised carrot"] = (planar, greedy | {"policy": quantised_carrot(planar).theta})
     # rules, tilings, schedules, traces, buffer
-    several = replace(SETTINGS["recommended"], drive="planar")
+    several = replace(SETTINGS["offset"], drive="planar")
     for rule in RULES:
-        for name, base in (("paper", planar), ("recommended", several)):
+        for name, base in (("paper", planar), ("offset", several)):
             eta = 1.0 if rule == "qrc" else 0.1
             cases[f"rule {rule}, {name}"] = (
                 replace(base, learner=LearnerConfig(rule=rule, eta=eta)),
@@ -207,7 +207,7 @@ def _configs():
     cases["restart, camera"] = (replace(planar, sensing="camera", reset="restart"), learn)
     for weights in ("shared", "first"):
         cases[f"weights {weights}"] = (replace(planar, weights=weights), learn)
-        cases[f"weights {weights}, recommended"] = (replace(several, weights=weights), learn)
+        cases[f"weights {weights}, offset"] = (replace(several, weights=weights), learn)
     theta = np.random.default_rng(0).normal(size=(4, 81, 49))
     cases["policy of four tables"] = (planar, greedy | {"policy": theta})
     cases["policy of one table"] = (planar, greedy | {"policy": theta[:1]})
@@ -300,7 +300,7 @@ def run_solo(config, steps):
     from workbench.formation.simulated import SimulatedRobot
     from workbench.formation.solo import SoloFollower
 
-    theta = np.random.default_rng(5).normal(size=(1, config.rows, config.actions)) / 100
+    theta = np.random.default_rng(5).normal(size=(1, config.rows, config.action_count)) / 100
     follower = SoloFollower(config, Policy.of(config, theta), steps=steps)
     readings = []
     with SimulatedRobot(config) as robot:
@@ -441,7 +441,7 @@ def run_log():
 
     config = replace(SETTINGS["infrared"], sensing="ir-raw", followers=1, drive="planar")
     policy = Policy.of(
-        config, np.random.default_rng(5).normal(size=(1, config.rows, config.actions)) / 100
+        config, np.random.default_rng(5).normal(size=(1, config.rows, config.action_count)) / 100
     )
     driver = Driver(config, policy)
     log = driver.log(epsilon=0.5, periods=800)

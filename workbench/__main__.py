@@ -244,16 +244,22 @@ def validate(what: str, out: str | None) -> Result:
 @click.option("--out", type=PLACE, required=True, help="C file to write.")
 @click.option("--table", type=int, default=0, help="Whose weights; 0: the first follower's.")
 def export_c(run: str, out: str, table: int) -> Result:
-    """Write a policy on raw infrared readings as a C99 file for a firmware.
+    """Write a policy on raw infrared readings as a C99 file for a firmware, with the output and the
+    trim of its run.
 
     RUN is the folder of a complete run, or a weights file.
     """
-    from workbench.lab.weights import load_policy
+    from workbench import fields
+    from workbench.formation.config import ConvoyConfig
+    from workbench.lab.weights import load_weights
     from workbench.logs import export_c
 
-    policy = load_policy(run)
+    weights = load_weights(run)
+    policy = weights.learned(run)
+    config = fields.from_dict(ConvoyConfig, weights.about["config"])
     source = f"weights {policy.sha256()[:12]}, follower {table + 1}"
-    return export_c.export_c(policy, out, table=table, source=source) | {"written": out}
+    sizes = export_c.export_c(policy, out, table=table, source=source, config=config)
+    return sizes | {"written": out}
 
 
 @verbs.command()

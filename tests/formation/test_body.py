@@ -22,7 +22,7 @@ PATIENT = 30.0
 
 def _block(config, periods=300, policy=None):
     rng = np.random.default_rng(0)
-    theta = rng.normal(size=(1, config.rows, config.actions)) if policy is None else policy
+    theta = rng.normal(size=(1, config.rows, config.action_count)) if policy is None else policy
     block = wb.Convoy(config, [config.seed], periods=periods, policy=theta).run_block()[0]
     return block[block["phase"][:, 0] >= 0].copy(), theta
 

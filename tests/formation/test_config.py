@@ -181,7 +181,7 @@ def test_learner_presets_are_named_and_legal():
 def test_both_presets_of_the_paper_have_their_sizes():
     simulation = ConvoyConfig()
     robot = ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3))
-    assert (simulation.grid().n, simulation.actions, robot.grid().n, robot.actions) == (
+    assert (simulation.grid().n, simulation.action_count, robot.grid().n, robot.action_count) == (
         81,
         49,
         25,

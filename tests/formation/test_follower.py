@@ -41,7 +41,7 @@ class _Robot:
             followers=1, drive="planar", tilings=tilings, learner=LearnerConfig(**learner)
         )
         self.task = Convoy(self.config, [1], steps=1000).task
-        pairs = self.config.rows * self.config.actions
+        pairs = self.config.rows * self.config.action_count
         self.follower = np.zeros(1, ROBOT)
         self.step = np.zeros(1, PERIOD)
         self.follower["choice"]["state"] = -1

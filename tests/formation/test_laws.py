@@ -139,7 +139,7 @@ class _Driven:
         self.follower = np.zeros(1, ROBOT)
         self.step = np.zeros(1, PERIOD)
         self.follower["choice"]["state"] = -1
-        empty = new_trace(self.config.rows * self.config.actions)
+        empty = new_trace(self.config.rows * self.config.action_count)
         self.memory = Memory(
             np.zeros((2, empty[1].size)),
             np.stack([empty[0], empty[2], empty[0]]),

@@ -21,7 +21,7 @@ IR = replace(wb.SETTINGS["infrared"], followers=1)
 
 def _random(config, seed=0, tables=1):
     rng = np.random.default_rng(seed)
-    shape = (tables, config.rows, config.actions)
+    shape = (tables, config.rows, config.action_count)
     return wb.Policy.of(config, rng.normal(size=shape)), rng.normal(size=shape)
 
 

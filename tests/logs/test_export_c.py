@@ -20,7 +20,7 @@ needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
 
 def _policy(config, seed=0):
     return wb.Policy.of(
-        config, np.random.default_rng(seed).normal(size=(1, config.rows, config.actions))
+        config, np.random.default_rng(seed).normal(size=(1, config.rows, config.action_count))
     )
 
 
@@ -60,7 +60,7 @@ def test_c_and_python_agree_on_every_tile_and_edge(tmp_path, changes):
     theta = policy.theta[0]
 
     def choose(left, right):
-        value = np.zeros(config.actions)
+        value = np.zeros(config.action_count)
         first = 0
         for grid in grids:
             value = value + theta[first + grid.index(left, right)]
@@ -128,3 +128,66 @@ def test_what_cannot_be_exported_is_refused(tmp_path):
     with pytest.raises(ValueError, match="learned on distorted readings"):
         export_c(_policy(warped), tmp_path / "policy.c")
     assert_array_equal(list(tmp_path.iterdir()), [])
+
+
+@needs_gcc
+@pytest.mark.parametrize("tiles", [{}, {"state_tiles": (5, 5), "tilings": 4}])
+@pytest.mark.parametrize("output", ["greedy", "interpolated"])
+@pytest.mark.parametrize("trim", [0.0, 0.02])
+def test_c_makes_the_same_of_a_table_as_the_follower_bit_for_bit(tmp_path, tiles, output, trim):
+    config = replace(RAW, output=output, trim=trim, **tiles)
+    policy = _policy(config, 7)
+    export_c(policy, tmp_path / "policy.c", config=config)
+    speeds = _compiled(tmp_path / "policy.c")
+    begin = ctypes.CDLL(str(tmp_path / "policy.so")).gq_begin if trim else lambda: None
+    follower = SoloFollower(config, policy)
+    rng = np.random.default_rng(5)
+    followed, different = 0, 0
+    left, right = 120.0, 120.0
+    for _ in range(4000):
+        left, right = (
+            float(np.clip(round(x * np.exp(0.2 * rng.standard_normal())), 20, 700))
+            for x in (left, right)
+        )
+        readings = np.zeros(8)
+        readings[7] = left
+        readings[0] = right
+        before = follower.record["choice"]["state"]
+        commands = follower.decide(readings)
+        if follower.record["reset"]["phase"] != 0:
+            left = right = 120.0
+            continue
+        if before < 0:
+            begin()
+        followed += 1
+        different += commands[0] not in policy.left_steps
+        assert commands == speeds(int(left), int(right))
+    assert followed > 500
+    assert (different > 0) == (output == "interpolated")
+
+
+@needs_gcc
+def test_c_drives_a_simulated_robot_as_drive_does(tmp_path):
+    """Learned, calm and trimmed: the firmware's file and the one-robot loop on the same readings."""
+    config = replace(RAW, drive="rolling", output="interpolated", trim=0.01)
+    run = wb.learn(config, steps=5000, progress=False)
+    export_c(run.policy, tmp_path / "policy.c", config=config)
+    speeds = _compiled(tmp_path / "policy.c")
+    begin = ctypes.CDLL(str(tmp_path / "policy.so")).gq_begin
+    follower = SoloFollower(config, run.policy)
+    same = 0
+    with wb.open_robot("sim:", config=config) as robot:
+        robot.enable("proximity")
+        robot.calibrate_proximity_sensors()
+        for _ in range(600):
+            robot.step()
+            readings = robot.get_proximity()
+            before = follower.record["choice"]["state"]
+            commands = follower.decide(readings)
+            robot.set_motors_speed(*commands)
+            if follower.record["reset"]["phase"] == 0:
+                if before < 0:
+                    begin()
+                same += 1
+                assert commands == speeds(int(readings[7]), int(readings[0]))
+    assert same > 300

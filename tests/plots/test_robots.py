@@ -51,8 +51,8 @@ def test_the_comparison_with_recordings_shows_every_run_once_per_motor_rule():
 
 
 def test_offset_tilings_are_drawn_over_the_first_one():
-    one, four = (diagrams.tile_fan(SETTINGS[name]) for name in ("paper-robot", "recommended"))
+    one, four = (diagrams.tile_fan(SETTINGS[name]) for name in ("paper-robot", "offset"))
     # three shifted grids of 5 inner rays each; arcs are patches
     assert len(four.lines) - len(one.lines) == sum(
-        grid.tilings[1].n - 1 for grid in SETTINGS["recommended"].grids()[1:]
+        grid.tilings[1].n - 1 for grid in SETTINGS["offset"].grids()[1:]
     )

@@ -247,8 +247,8 @@ def test_a_dense_update_takes_time_in_proportion_to_its_table():
     assert factor_for(update_time_s(123.0, small), small) == pytest.approx(123.0)
 
 
-def test_the_recommended_setting_resolves_what_its_description_says():
-    config = SETTINGS["recommended"]
+def test_the_offset_setting_resolves_what_its_description_says():
+    config = SETTINGS["offset"]
     distance = np.unique(
         np.concatenate([grid.tilings[0].edges for grid in config.grids()]).round(9)
     )

@@ -37,7 +37,7 @@ def test_a_world_changes_robots_link_and_senses_and_leaves_the_task(sensing):
     assert len({world.fleet for world in worlds}) == 40 and {
         world.body.delay for world in worlds
     } == {0, 1, 2, 3}
-    theta = np.zeros((1, config.rows, config.actions))
+    theta = np.zeros((1, config.rows, config.action_count))
     for world in worlds:
         assert (
             replace(
@@ -140,7 +140,7 @@ def test_copies_are_judged_follower_by_follower_on_the_robots_that_learned():
     )  # the first keeps its own weights
     assert numbers["own_rms_distance_mm_2"] != numbers["copied_rms_distance_mm_2"]
     own, last = (
-        wb.Policy.of(different, np.zeros((n, different.rows, different.actions))) for n in (2, 1)
+        wb.Policy.of(different, np.zeros((n, different.rows, different.action_count))) for n in (2, 1)
     )
     assert (
         own.check(different) is None and last.check(different) is None

@@ -69,7 +69,7 @@ class Formations:
         else:
             self.observation_space = spaces.Box(0.0, ADC, (SENSORS,), np.float32)
         self.action_space: spaces.Space[Any] = (
-            spaces.Discrete(config.actions)
+            spaces.Discrete(config.action_count)
             if self.discrete
             else spaces.Box(-1.0, 1.0, (2,), np.float32)
         )
@@ -211,11 +211,11 @@ class Formations:
             if (
                 not np.issubdtype(actions.dtype, np.integer)
                 or actions.min() < 0
-                or actions.max() >= self.config.actions
+                or actions.max() >= self.config.action_count
             ):
                 raise ValueError(
                     f"actions = {actions.tolist()!r}; expected whole numbers from 0 to "
-                    f"{self.config.actions - 1}"
+                    f"{self.config.action_count - 1}"
                 )
             pairs = np.divmod(actions.astype(np.int64), len(self.right_steps))
             return self.left_steps[pairs[0]], self.right_steps[pairs[1]]

@@ -21,7 +21,7 @@ from workbench.arena.world import write_command
 from workbench.compiled import compiled
 from workbench.fields import configuration, integer, real
 
-LONGEST_DELAY = 3  # control periods
+LONGEST_DELAY = 4  # control periods
 BODY = np.dtype(  # against the nominal ones; commands on their way, steps/s, the newest first
     [("wheel", "f8"), ("axle", "f8"), ("queue", "i8", (LONGEST_DELAY, 2))]
 )

@@ -11,18 +11,19 @@ from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
 from workbench.formation.body import BodyConfig
+from workbench.formation.estimate import FILTERS, LONGEST_S, PREDICTIONS, EstimateConfig
+from workbench.formation.output import ACTIONS, LEARN_BY, OUTPUTS
 from workbench.formation.reward import OWN, PRESETS
 from workbench.formation.senses.table import SENSES
 from workbench.learning.config import LearnerConfig
 from workbench.learning.rules import RULES
-from workbench.learning.tiles import TileGrid, Tiling, offset_grids
+from workbench.learning.tiles import MAX_TILES, MAX_TILINGS, TileGrid, Tiling, offset_grids
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import MODULES
 from workbench.robot.infrared import InfraredConfig
 
 TILINGS = ("uniform", "logarithmic")
-MAX_TILINGS = 8
 FASTEST = 10.0  # m/s, of any robot
 
 
@@ -87,7 +88,7 @@ class ConvoyConfig:
         0.05, math.pi, "rad", "terminal bearing on both sides", default=math.pi / 4
     )
     state_tiles: tuple[int, int] = integers(
-        1, 64, "", "cells of distance and bearing", default=(9, 9)
+        1, MAX_TILES, "", "cells of distance and bearing", default=(9, 9)
     )
     distance_tiling: str = choice(TILINGS, "spacing of the distance cells", default="uniform")
     bearing_tiling: str = choice(TILINGS, "spacing of the bearing cells", default="uniform")
@@ -109,10 +110,48 @@ class ConvoyConfig:
         default=math.radians(2),
     )
     action_levels: tuple[int, int] = integers(
-        1, 64, "", "speed levels of the left and the right wheel", default=(7, 7)
+        1, MAX_TILES, "", "speed levels of the left and the right wheel", default=(7, 7)
     )
     wheel_speed_mps: tuple[float, float] = reals(
         -FASTEST, FASTEST, "m/s", "slowest and fastest level of a wheel", default=(0.03, 0.09)
+    )
+    actions: str = choice(
+        ACTIONS,
+        "what the levels are: wheel speeds, or relative: less their middle, they are added to the "
+        "estimated speed of the predecessor",
+        default="wheels",
+    )
+    output: str = choice(
+        OUTPUTS,
+        "what a table commands: its greedy action, or the mean of those of the four nearest cells",
+        default="greedy",
+    )
+    trim: float = real(
+        0.0,
+        1.0,
+        "1/control period",
+        "gain of the integral of the distance error that a table is told; 0 for none",
+        default=0.0,
+    )
+    trim_limit_m: float = real(
+        0.0, 10.0, "m", "how large the integral of the distance error may be", default=0.03
+    )
+    learn_by: str = choice(
+        LEARN_BY,
+        "what a follower that learns drives by: the table's own actions, or its output",
+        default="table",
+    )
+    filter: str = choice(
+        FILTERS, "whether a follower filters what it sees of its predecessor", default="none"
+    )
+    prediction: str = choice(
+        PREDICTIONS,
+        "who is moved ahead to where the next command arrives: nobody, the follower by its own "
+        "commands, or its predecessor, too",
+        default="none",
+    )
+    estimate: EstimateConfig = part(
+        EstimateConfig, "what filter and prediction assume", default=EstimateConfig()
     )
     reward: str = choice(
         (*PRESETS, OWN),
@@ -182,6 +221,7 @@ class ConvoyConfig:
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
             )
         SENSES[self.sensing].check(self)
+        self._check_estimate()
         self._check_time()
         # refuses an even number of logarithmic cells and inner cells wider than the range
         self.grids()
@@ -208,6 +248,25 @@ class ConvoyConfig:
                 f"ConvoyConfig.compute_time_s = {self.compute_time_s!r}; expected a multiple "
                 f"of {timestep:g} s, "
                 f"the time step of the {self.drive!r} drive"
+            )
+
+    def _check_estimate(self) -> None:
+        """Refuse to filter and foresee what has no metres, and longer delays than are foreseen."""
+        if not self.estimates:
+            return
+        if not SENSES[self.sensing].metric:
+            others = ", ".join(repr(row.name) for row in SENSES.values() if row.metric)
+            raise ValueError(
+                f"ConvoyConfig.filter = {self.filter!r}, prediction = {self.prediction!r}, "
+                f"actions = {self.actions!r} with sensing = {self.sensing!r}; what it tiles are "
+                "readings, and nobody knows how they change with the place: expected filter = "
+                f"'none', prediction = 'none' and actions = 'wheels', or sensing = {others}"
+            )
+        if self.late_s > LONGEST_S:
+            raise ValueError(
+                f"body.delay = {self.body.delay!r} with readings that are "
+                f"{SENSES[self.sensing].age(self):g} s old makes {self.late_s:g} s; expected at "
+                f"most {LONGEST_S:g} s to be foreseen"
             )
 
     def _check_robot(self) -> None:
@@ -238,6 +297,19 @@ class ConvoyConfig:
     def noisy(self) -> bool:
         """Whether sensed distances or bearings get white noise."""
         return self.noise_distance_m > 0 or self.noise_bearing_rad > 0
+
+    @property
+    def estimates(self) -> bool:
+        """Whether followers keep an estimate of their predecessor, see ``formation.estimate``."""
+        return (self.filter, self.prediction, self.actions) != ("none", "none", "wheels")
+
+    @property
+    def late_s(self) -> float:
+        """How late a command moves the wheels, from when what is seen was true, as a follower
+        assumes it.
+        """
+        known = self.body.delay * CONTROL_PERIOD + SENSES[self.sensing].age(self)
+        return self.estimate.delay_s or known
 
     @property
     def middle_m(self) -> float:
@@ -312,10 +384,14 @@ class ConvoyConfig:
         return sum(grid.n for grid in self.grids())
 
     def levels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the speed levels of the left and right wheel in whole steps/s, slowest first."""
+        """Return the speed levels of the left and right wheel in whole steps/s, slowest first; with
+        relative actions about their middle.
+        """
+        low, high = self.wheel_speed_mps
+        base = (low + high) / 2 if self.actions == "relative" else 0.0
         left, right = (
             np.array(
-                [self.robot.steps(float(v)) for v in np.linspace(*self.wheel_speed_mps, count)],
+                [self.robot.steps(float(v)) for v in np.linspace(low - base, high - base, count)],
                 dtype=np.int64,
             )
             for count in self.action_levels
@@ -323,7 +399,7 @@ class ConvoyConfig:
         return left, right
 
     @property
-    def actions(self) -> int:
+    def action_count(self) -> int:
         """Number of actions, the full product of both wheels' levels."""
         return self.action_levels[0] * self.action_levels[1]
 
@@ -331,8 +407,8 @@ class ConvoyConfig:
         """Return the same task for another robot: lengths scaled by its body's radius, speeds by
         its wheels' fastest.
 
-        What is scaled: distances, the track with its judder and line, sight, noise of distances;
-        speeds of leader and wheels. Angles, rewards (in units of the bounds) and the control period
+        What is scaled: distances, the track with its judder and line, sight, noise of distances,
+        the limit of the trim; speeds of leader and wheels, expected accelerations. Angles, rewards (in units of the bounds) and the control period
         stay. ``replace`` sets single values afterwards.
         """
         if not isinstance(robot, RobotConfig):
@@ -349,6 +425,12 @@ class ConvoyConfig:
             sight_m=size * self.sight_m,
             inner_distance_m=size * self.inner_distance_m,
             noise_distance_m=size * self.noise_distance_m,
+            trim_limit_m=size * self.trim_limit_m,
+            estimate=replace(
+                self.estimate,
+                noise_distance_m=size * self.estimate.noise_distance_m,
+                acceleration_mps2=pace * self.estimate.acceleration_mps2,
+            ),
             leader_speed_mps=pace * self.leader_speed_mps,
             wheel_speed_mps=_times(pace, self.wheel_speed_mps),
         )
@@ -364,10 +446,11 @@ def _times(factor: float, pair: tuple[float, float]) -> tuple[float, float]:
 
 # Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-
 # robot": those for its robots; "logarithmic": the paper's other spacing, with initial values that
-# leave room to improve on; "recommended": four coarse tilings that together resolve 7 mm × 4.5°. Of
-# all that were tried on wheels only these followed within 2.5 mm and 1.5° and lost nobody on any
-# kind of track (notebook 12). "infrared": with nothing but the two front sensors, 8 to 13 cm and
-# ±25° (notebook 05).
+# leave room to improve on; "offset": four coarse tilings that together resolve 7 mm × 4.5°, the best
+# of all that were tried without an output stage (notebook 12). "recommended": few cells, few
+# actions, and commands interpolated between them; trim takes away the offset. 135 weights, and it
+# follows best and is the calmest under noise. "infrared": with nothing but the two front sensors,
+# 8 to 13 cm and ±25° (notebook 05).
 SETTINGS = {
     "paper": ConvoyConfig(),
     "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),
@@ -376,7 +459,10 @@ SETTINGS = {
         bearing_tiling="logarithmic",
         learner=LearnerConfig(theta0=0.0),
     ),
-    "recommended": ConvoyConfig(state_tiles=(5, 5), tilings=4),
+    "offset": ConvoyConfig(state_tiles=(5, 5), tilings=4),
+    "recommended": ConvoyConfig(
+        state_tiles=(5, 3), action_levels=(3, 3), output="interpolated", trim=0.01
+    ),
     "infrared": ConvoyConfig(
         sensing="ir-metric",
         distance_m=(0.08, 0.13),

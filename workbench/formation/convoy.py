@@ -228,7 +228,7 @@ class Convoy:
         config = self.config
         count = len(self.seeds)
         n = config.followers
-        index, _, slot = new_trace(config.rows * config.actions)
+        index, _, slot = new_trace(config.rows * config.action_count)
         self._trace_ids = np.tile(np.stack([index, slot, index]), (count, n, 1, 1))
         self._trace_values = np.zeros((count, n, 2, index.size))
         self._waiting = np.zeros_like(self.world.ctrl)  # commands that wait for an update
@@ -498,6 +498,7 @@ class Convoy:
                 0.0  # what was measured of the last period is void
             )
             robots["camera"]["tracked"] = robots["body"]["queue"] = robots["seen"]["heard"] = 0
+            robots["estimate"] = np.zeros((), ROBOT["estimate"])
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
             begin_episode(robot, ids)
             robot["reset"]["phase"] = FOLLOW
@@ -561,7 +562,7 @@ class Convoy:
         """Return copies of a formation's main and secondary weights, each (tables, rows,
         actions).
         """
-        shape = (-1, self.config.rows, self.config.actions)
+        shape = (-1, self.config.rows, self.config.action_count)
         theta, w = (self.weights[formation, :, k].reshape(shape).copy() for k in (0, 1))
         return theta, w
 

@@ -21,11 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.compiled import call_at, compiled
-from workbench.formation.config import MAX_TILINGS
+from workbench.formation.estimate import perceive
 from workbench.formation.laws.table import steer
+from workbench.formation.output import about, interpolate
 from workbench.formation.reset import FOLLOW, LOST, SEARCH, begin_reset, manoeuvre
 from workbench.formation.reward import step_reward
-from workbench.formation.senses.table import errors, tiled
+from workbench.formation.senses.table import errors, tiled, trimmed
 from workbench.learning.behaviour import explore, greedy_of_sum
 from workbench.learning.kernel import (
     Features,
@@ -35,9 +36,7 @@ from workbench.learning.kernel import (
     clear_trace,
 )
 from workbench.learning.rules import EXPECTED, GREEDY_ONLY, ON_POLICY, SAMPLED, update
-from workbench.learning.tiles import tile_index
-
-MAX_TILES = 64  # per dimension, of states and of actions
+from workbench.learning.tiles import MAX_TILES, MAX_TILINGS, tile_index
 
 GRID = np.dtype(
     [
@@ -82,6 +81,7 @@ CHOICE = np.dtype(  # the last one; state -1: none; errors in m and rad
     [
         ("state", "i8"),
         ("action", "i8"),
+        ("explores", "i8"),
         ("rho", "f8"),
         ("distance_error", "f8"),
         ("bearing", "f8"),
@@ -110,6 +110,7 @@ LEARNING = np.dtype(
         ("chance", "f8"),
         ("cells", *_CELLS),  # now
         ("features", *_CELLS),  # the kernel's list of φ
+        ("place", "f8", (2,)),  # what is tiled
         ("delta", "f8"),  # last temporal-difference error; true online Sarsa's memory
         ("previous_value", "f8"),
     ]
@@ -239,11 +240,19 @@ def sense_cells(task: Any, follower: Any, e_d: float, o_err: float) -> int:
     """Find the cell of every tiling, as the place of its first weight; return the state, -1 outside
     the bounds.
     """
-    grid = task.grid
-    state = -1
     inside, first, second = tiled(task.sense.tiled, task, follower, e_d, o_err)
     if not inside:
         return -1
+    return _cells_at(task, follower, first, second)
+
+
+@compiled
+def _cells_at(task: Any, follower: Any, first: float, second: float) -> int:
+    """Find the cell of every tiling at a place; return the state, -1 outside."""
+    grid = task.grid
+    state = -1
+    follower.learning.place[0] = first
+    follower.learning.place[1] = second
     for k in range(grid.tilings):
         row = tile_index(grid.distance_edges[k], grid.distance_tiles[k], first)
         column = tile_index(grid.bearing_edges[k], grid.bearing_tiles[k], second)
@@ -331,18 +340,20 @@ def act(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, b
 
 @compiled
 def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, bool]:
-    distance = follower.seen.distance
-    bearing = follower.seen.bearing
+    distance, bearing = perceive(task, follower)
     finite = True
     e_d = distance - task.bounds.middle
     # a reset goes on, or ends here
     if follower.reset.phase != FOLLOW:
-        left, right = _go_back(task, follower, period)
+        left, right = _go_back(task, follower, period, distance, bearing)
         if follower.reset.phase != FOLLOW:
             return left, right, finite
     # the running transition ends where the predecessor is seen now
     state = sense_cells(task, follower, e_d, bearing)
     lost = state < 0
+    frozen = task.law.number == 0 and follower.learning.learns == 0
+    if frozen and task.output.trim > 0.0 and not lost:
+        state = _trim(task, follower, e_d, state)
     if follower.choice.state >= 0:
         reward = task.reward.terminal if lost else reward_at(task, follower, e_d, bearing)
         _finish(task, follower, period, reward, state)
@@ -363,9 +374,7 @@ def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
         left, right = steer(task, follower, distance, bearing)
     else:
         action = _explore(task, follower, period, memory.weights[0])
-        levels = task.grid.right_levels
-        left = task.grid.left_steps[action // levels]
-        right = task.grid.right_steps[action % levels]
+        left, right = _commands(task, follower, memory.weights[0], action)
     choice.state = state
     choice.action = action
     choice.distance_error = e_d
@@ -374,10 +383,45 @@ def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
 
 
 @compiled
-def _go_back(task: Any, follower: Any, period: Any) -> tuple[int, int]:
+def _trim(task: Any, follower: Any, e_d: float, state: int) -> int:
+    """Tile the place with the integral of the distance error; return the state there."""
+    if follower.choice.state < 0:  # an episode begins
+        follower.output.trim = 0.0
+        return state
+    first, second = trimmed(
+        task.sense.trimmed,
+        task,
+        follower,
+        e_d,
+        follower.learning.place[0],
+        follower.learning.place[1],
+    )
+    return _cells_at(task, follower, first, second)
+
+
+@compiled
+def _commands(task: Any, follower: Any, theta: Any, action: int) -> tuple[int, int]:
+    """Return what the output makes of an action, in steps/s."""
+    grid = task.grid
+    output = follower.output
+    output.left = grid.left_steps[action // grid.right_levels]
+    output.right = grid.right_steps[action % grid.right_levels]
+    # an action that explores is carried out as it is
+    calm = task.output.interpolated and (task.output.learning or follower.learning.learns == 0)
+    if calm and follower.choice.explores == 0:
+        output.left, output.right = interpolate(task, follower, theta)
+    if task.output.relative:
+        return about(task, follower.estimate.pace, output.left, output.right)
+    return output.left, output.right
+
+
+@compiled
+def _go_back(
+    task: Any, follower: Any, period: Any, distance: float, bearing: float
+) -> tuple[int, int]:
     """Advance the reset manoeuvre and record what became of it."""
     before = follower.reset.phase
-    left, right = manoeuvre(task, follower, follower.seen.distance, follower.seen.bearing)
+    left, right = manoeuvre(task, follower, distance, bearing)
     phase = follower.reset.phase
     if phase == FOLLOW:
         period.event |= RECOVERED
@@ -397,6 +441,7 @@ def _explore(task: Any, follower: Any, period: Any, theta: Any) -> int:
     choice = follower.choice
     best = greedy_of_sum(theta, learning.cells, task.grid.tilings, task.grid.actions)
     action, rho = explore(best, task.grid.actions, learning.epsilon, learning.chance)
+    choice.explores = action != best
     if action != best:
         period.event |= EXPLORED
     if task.learner.ratio == GREEDY_ONLY:

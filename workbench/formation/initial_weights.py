@@ -20,7 +20,7 @@ def first_weights(
     Raises:
         ValueError: another shape, or weights that are not finite.
     """
-    pairs = config.rows * config.actions
+    pairs = config.rows * config.action_count
     tables = config.followers if config.weights == "own" else 1
     if policy is None:
         weights = np.zeros((count, tables, 2, pairs))
@@ -29,7 +29,7 @@ def first_weights(
     given = np.asarray(policy, dtype=np.float64)
     if given.ndim == 3:
         given = np.repeat(given[None], count, axis=0)
-    expected = (config.rows, config.actions)
+    expected = (config.rows, config.action_count)
     if given.ndim != 4 or given.shape[::2] != (count, expected[0]) or given.shape[3] != expected[1]:
         raise ValueError(
             f"policy has shape {np.shape(policy)}; this convoy needs (tables, {expected[0]} "

@@ -1,8 +1,8 @@
 """The loop with nothing in it but what a plain configuration needs, which compiles in half the
 time: what most people run first begins sooner.
 
-Plain is: no law drives, poses are the simulator's, robots are as they should be, and the learner is
-one of the kernel's. What such a run does is the same to the last bit with the whole loop.
+Plain is: no law drives, poses are the simulator's and taken as they are, robots are as they should
+be, and the learner is one of the kernel's. What such a run does is the same to the last bit with the whole loop.
 
 Contract: which of the two runs is nobody's to know but the convoy's.
 """
@@ -11,7 +11,7 @@ import functools
 from typing import Any
 
 from workbench.compiled import chosen, compiled, exchanged
-from workbench.formation import body
+from workbench.formation import body, estimate
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws import table as laws
 from workbench.formation.laws.law import ControlLaw
@@ -21,7 +21,7 @@ from workbench.learning import rules
 from workbench.learning.rules import RULES
 
 _TRUTH = SENSES["truth"]
-_PARTS = ("locate", "see", "tiled", "errors")
+_PARTS = ("locate", "see", "tiled", "errors", "trimmed")
 
 
 @compiled
@@ -37,11 +37,18 @@ def _no_body(
     """Do nothing, in the place of ``body.drive_body``."""
 
 
+@compiled
+def _as_seen(task: Any, follower: Any) -> tuple[float, float]:
+    """Return what has been read, in the place of ``estimate.perceive``."""
+    return follower.seen.distance, follower.seen.bearing
+
+
 def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
     """Return whether a convoy needs nothing but the lean loop."""
     sense = SENSES[config.sensing]
     return (
         law is None
+        and not config.estimates
         and config.body.nominal
         and all(getattr(sense, part) is getattr(_TRUTH, part) for part in _PARTS)
         and RULES[config.learner.rule].update is rules.gq_step
@@ -52,6 +59,7 @@ _OTHERS = {
     **{getattr(senses, part): chosen([getattr(_TRUTH, part)]) for part in _PARTS},
     laws.steer: _no_law,
     body.drive_body: _no_body,
+    estimate.perceive: _as_seen,
     rules.update: chosen([rules.gq_step]),
 }
 

@@ -44,6 +44,7 @@ class Policy:
             i_right.
         tilings: () number of offset tilings.
         sensing: () how distance and bearing were known, one of SENSING.
+        kind: () what the levels are, one of ``output.ACTIONS``.
     """
 
     theta: NDArray[np.float64]
@@ -53,6 +54,7 @@ class Policy:
     right_steps: NDArray[np.int64]
     tilings: NDArray[np.int64] = field(default_factory=lambda: np.array(1))
     sensing: NDArray[np.str_] = field(default_factory=lambda: np.array("truth"))
+    kind: NDArray[np.str_] = field(default_factory=lambda: np.array("wheels"))
 
     def __post_init__(self) -> None:
         for part in fields(self):
@@ -93,6 +95,7 @@ class Policy:
             *config.levels(),
             np.array(config.tilings),
             np.array(config.sensing),
+            np.array(config.actions),
         )
 
     @property
@@ -149,12 +152,13 @@ class Policy:
         Raises:
             ValueError: what differs, with both sides.
         """
-        own = Policy.of(config, np.zeros((1, config.rows, config.actions)))
+        own = Policy.of(config, np.zeros((1, config.rows, config.action_count)))
         for name in (
             "sensing",
             "tilings",
             "distance_edges",
             "bearing_edges",
+            "kind",
             "left_steps",
             "right_steps",
         ):
@@ -182,6 +186,8 @@ class Policy:
         digest = hashlib.sha256()
         for part in fields(self):
             array = getattr(self, part.name)
+            if part.name == "kind" and array == "wheels":  # as it was before there were others
+                continue
             digest.update(f"{part.name}{array.shape}".encode() + array.tobytes())
         return digest.hexdigest()
 
@@ -198,6 +204,7 @@ class Policy:
         Raises:
             ValueError: another schema, or an array is missing.
         """
+        arrays = {"kind": np.array("wheels")} | dict(arrays)  # older files know no other
         missing = [part.name for part in fields(cls) if part.name not in arrays]
         if missing or int(arrays.get("schema", np.array(-1))) != SCHEMA:
             raise ValueError(

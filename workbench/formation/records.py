@@ -19,6 +19,7 @@ import numpy as np
 
 from workbench.arena.world import MOTORS
 from workbench.formation.body import BODY, BODY_TASK
+from workbench.formation.estimate import ESTIMATE, ESTIMATE_TASK
 from workbench.formation.follower import (
     BOUNDS,
     CHOICE,
@@ -31,6 +32,7 @@ from workbench.formation.follower import (
 )
 from workbench.formation.laws.law import LAW, LAW_TASK
 from workbench.formation.leader import GROUND, LEADER
+from workbench.formation.output import OUTPUT, OUTPUT_TASK
 from workbench.formation.reset import RESET, SEARCHING
 from workbench.formation.senses.table import DRAWS, ROBOT_PARTS, SENSE_FIELDS, TASK_PARTS
 
@@ -55,11 +57,13 @@ ROBOT = np.dtype(
         ("pose", POSE),
         ("motion", MOTION),
         ("seen", SEEN),
+        ("estimate", ESTIMATE),
         ("command", COMMAND),
         ("reset", RESET),
         ("choice", CHOICE),
         ("waiting", WAITING),
         ("learning", LEARNING),
+        ("output", OUTPUT),
         ("law", LAW),
         ("ground", GROUND),
         *ROBOT_PARTS,
@@ -90,6 +94,8 @@ TASK = np.dtype(
         ("search", SEARCHING),
         ("noise", NOISE),
         ("law", LAW_TASK),
+        ("estimate", ESTIMATE_TASK),
+        ("output", OUTPUT_TASK),
         ("sense", SENSE_FIELDS),
         *TASK_PARTS,
         ("body", BODY_TASK),

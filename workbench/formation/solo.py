@@ -93,7 +93,7 @@ class SoloFollower:
         self.steps = steps
         self.updates = 0
         self._task = fill_task(config, steps)
-        pairs = config.rows * config.actions
+        pairs = config.rows * config.action_count
         self._record = np.zeros(1, ROBOT)
         self._step = np.zeros(1, PERIOD)
         self._record["choice"]["state"] = -1
@@ -128,7 +128,7 @@ class SoloFollower:
     def policy(self) -> Policy:
         """Return what it knows now."""
         return Policy.of(
-            self.config, self.weights[0].reshape(1, self.config.rows, self.config.actions)
+            self.config, self.weights[0].reshape(1, self.config.rows, self.config.action_count)
         )
 
     def decide(
@@ -164,7 +164,7 @@ class SoloFollower:
             raise FloatingPointError(
                 f"learning diverged at update {self.updates}; lower the step sizes"
             )
-        explored = epsilon / self.config.actions
+        explored = epsilon / self.config.action_count
         greedy = 1.0 - epsilon if event & kernel.EXPLORED == 0 else 0.0
         follows = self._record["choice"]["state"][0] >= 0
         self.probability = explored + greedy if follows else 1.0

@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from workbench.arena.world import motors_of
 from workbench.formation.config import ConvoyConfig
+from workbench.formation.estimate import gains
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.own import OwnLaw
 from workbench.formation.laws.table import LAW_NUMBERS
+from workbench.formation.output import lattice_fields
 from workbench.formation.own_reward import OwnReward
 from workbench.formation.records import TASK
 from workbench.formation.reset import search_numbers
@@ -19,6 +21,7 @@ from workbench.formation.senses.table import SENSES, numbers
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.rules import RULES, UPDATES
 from workbench.robot.description import EPUCK
+from workbench.robot.geometry import CONTROL_PERIOD
 
 
 def fill_task(
@@ -33,10 +36,18 @@ def fill_task(
     in.
     """
     task = np.zeros(1, TASK)
-    _fill_grid(task["grid"], config)
+    _fill_grid(task["grid"], task["output"]["lattice"], config)
     parts = _parts(config) | {
         "reward": _reward(config, reward),
         "learner": _learner(config, steps),
+        "estimate": _estimate(config),
+        "output": {
+            "interpolated": config.output == "interpolated",
+            "relative": config.actions == "relative",
+            "learning": config.learn_by == "output",
+            "trim": config.trim,
+            "trim_limit": config.trim_limit_m,
+        },
         "law": _law(config, law),
         "infrared": sensor_fields(config),
         "sense": numbers(config.sensing),
@@ -65,7 +76,7 @@ def _parts(config: ConvoyConfig) -> dict[str, dict[str, Any]]:
     return {
         "grid": {
             "tilings": config.tilings,
-            "actions": config.actions,
+            "actions": config.action_count,
             "right_levels": config.action_levels[1],
         },
         "bounds": {
@@ -94,8 +105,12 @@ def _parts(config: ConvoyConfig) -> dict[str, dict[str, Any]]:
     }
 
 
-def _fill_grid(grid: NDArray[np.void], config: ConvoyConfig) -> None:
-    """Write edges of tiles and levels of wheels into a (1,) GRID."""
+def _fill_grid(
+    grid: NDArray[np.void], lattice: NDArray[np.void], config: ConvoyConfig
+) -> None:
+    """Write edges of tiles and levels of wheels into a (1,) GRID and a (1,) LATTICE."""
+    for name, value in lattice_fields(config.grids()).items():
+        lattice[name][0] = value
     rows = 0
     for k, tiles in enumerate(config.grids()):
         for name, tiling in zip(("distance", "bearing"), tiles.tilings, strict=True):
@@ -105,6 +120,32 @@ def _fill_grid(grid: NDArray[np.void], config: ConvoyConfig) -> None:
         rows += tiles.n
     for name, levels in zip(("left_steps", "right_steps"), config.levels(), strict=True):
         grid[name][0, : len(levels)] = levels
+
+
+_QUIET_M = 3e-4  # what is expected to be noise where there is none: wheels that turn unevenly
+_VELOCITY = 0.3  # gain of the velocity where places are taken as they are read
+
+
+def _estimate(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of filter and prediction."""
+    if not config.estimates:
+        return {"any": 0}
+    told = config.estimate
+    noise_m, noise_rad = SENSES[config.sensing].noise(config)
+    along = max(told.noise_distance_m or noise_m, _QUIET_M)
+    across = max(config.middle_m * (told.noise_bearing_rad or noise_rad), _QUIET_M)
+    alpha, beta = (1.0, 1.0), (_VELOCITY, _VELOCITY)
+    if config.filter != "none":
+        pairs = (gains(noise, told.acceleration_mps2) for noise in (along, across))
+        alpha, beta = zip(*pairs, strict=True)
+    return {
+        "any": 1,
+        "own": config.prediction != "none",
+        "both": config.prediction == "both",
+        "delay": config.late_s / CONTROL_PERIOD,
+        "alpha": alpha,
+        "beta": beta,
+    }
 
 
 def _reward(config: ConvoyConfig, reward: OwnReward | None) -> dict[str, Any]:

@@ -225,7 +225,9 @@ def summarise(
     Keys ending in ``_last_third`` cover the blocks that began in the last third of the run,
     ``_all_time`` the same share with reset and lost time in the denominator. A number that no visit
     decides, such as the errors of a last third without a block, is None. Errors are as the
-    followers sensed them, noise included.
+    followers sensed them, noise included. ``bias_mm`` is how far followers stand off the wanted
+    distance on average (RMS of their means), ``ripple_mm`` how far they move about that, and
+    ``bearing_ripple_deg`` the same of the bearing: bias² + ripple² = rms².
     """
     late = records["starts"] >= 2 / 3 * length
     whole = _numbers(config, records["visits"], records["sums"])
@@ -239,8 +241,11 @@ def summarise(
         "losses_per_hour",
         "collisions",
         "rms_distance_mm",
+        "bias_mm",
+        "ripple_mm",
         "bearing_mean_deg",
         "bearing_std_deg",
+        "bearing_ripple_deg",
     )
     return plain(  # type: ignore[no-any-return]  # a dict of plain values
         {
@@ -266,6 +271,8 @@ def _numbers(
     following = pooled.sum() / max(column["periods"].sum(), 1)
     e_mean, _, e_rms = moments(column["visits"], column["distance"], column["distance2"])
     o_mean, o_std, _ = moments(column["visits"], column["bearing"], column["bearing2"])
+    bias, ripple = _apart(column["visits"], column["distance"], column["distance2"])
+    _, sway = _apart(column["visits"], column["bearing"], column["bearing2"])
     hours = float(column["periods"].sum()) * CONTROL_PERIOD / 3600
     losses = int(column["losses"].sum())
     return {
@@ -282,9 +289,27 @@ def _numbers(
         "collisions": int(column["collisions"].sum()),
         "mean_distance_mm": 1000 * e_mean,
         "rms_distance_mm": 1000 * e_rms,
+        "bias_mm": 1000 * bias,
+        "ripple_mm": 1000 * ripple,
         "bearing_mean_deg": math.degrees(o_mean),
         "bearing_std_deg": math.degrees(o_std),
+        "bearing_ripple_deg": math.degrees(sway),
         "mean_reward": moments(column["visits"], column["reward"], 0)[0],
         "share_of_time_away": float(column["away"].sum() / max(column["periods"].sum(), 1)),
         "simulated_minutes": hours * 60 / config.followers,
     }
+
+
+def _apart(
+    counts: NDArray[np.float64], totals: NDArray[np.float64], squares: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Return the RMS over followers of their means, and of their spread about these, of (blocks,
+    followers) numbers, sums and sums of squares; NaN if there are none.
+    """
+    n, total, square = (np.sum(part, axis=0) for part in (counts, totals, squares))
+    if not n.sum():
+        return math.nan, math.nan
+    means = total / np.maximum(n, 1)
+    bias = float(np.sum(n * means**2) / n.sum())
+    power = float(square.sum() / n.sum())
+    return math.sqrt(bias), math.sqrt(max(power - bias, 0.0))

@@ -56,14 +56,61 @@ def iqm(values: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
     return middle
 
 
-_STATISTICS: dict[str, Any] = {"mean": np.mean, "median": np.median, "iqm": iqm}
+def _mean_interval(sample: NDArray[np.float64], level: float) -> tuple[float, float, float]:
+    """Return the mean and its interval by Student's t, corrected for skewness by Hall's cubic
+    transformation (JRSS B 54(2), 221, 1992): 94 to 95 % of 95 at n = 10, for normal and for skewed
+    values alike, where the percentile bootstrap covers 88 to 91.
+    """
+    from scipy import stats
+
+    n = sample.size
+    mean = float(sample.mean())
+    error = float(sample.std(ddof=1)) / math.sqrt(n)
+    far = float(stats.t.ppf((1 + level) / 2, n - 1))
+    bend = float(stats.skew(sample)) / math.sqrt(n)
+    return mean, mean - error * _unbent(far, bend), mean - error * _unbent(-far, bend)
+
+
+def _unbent(t: float, bend: float) -> float:
+    """Return the studentised deviation that Hall's transformation takes to t."""
+    if abs(bend) < 1e-6:
+        return t
+    return float(3 / bend * (np.cbrt(1 + bend * (t - bend / 6)) - 1))
+
+
+def _median_interval(sample: NDArray[np.float64], level: float) -> tuple[float, float, float]:
+    """Return the median and the interval between two of the values in order, which covers at least
+    the level whatever the distribution.
+    """
+    from scipy import stats
+
+    ordered = np.sort(sample)
+    rank = max(int(stats.binom.ppf((1 - level) / 2, sample.size, 0.5)) - 1, 0)
+    return float(np.median(sample)), float(ordered[rank]), float(ordered[-1 - rank])
+
+
+def _iqm_interval(sample: NDArray[np.float64], level: float) -> tuple[float, float, float]:
+    """Return the interquartile mean and its interval by Tukey and McLaughlin's t."""
+    from scipy import stats
+
+    low, high = stats.mstats.trimmed_mean_ci(sample, (0.25, 0.25), alpha=1 - level)
+    return float(iqm(sample)), float(low), float(high)
+
+
+_STATISTICS: dict[str, Any] = {
+    "mean": _mean_interval,
+    "median": _median_interval,
+    "iqm": _iqm_interval,
+}
 
 
 def interval(
-    values: ArrayLike, *, statistic: str = "mean", level: float = 0.95, seed: int = 0
+    values: ArrayLike, *, statistic: str = "mean", level: float = 0.95
 ) -> tuple[float, float, float]:
-    """Return a statistic ("mean", "median" or "iqm") and its bootstrap interval (percentile, 10 000
-    resamples) over seeds.
+    """Return a statistic ("mean", "median" or "iqm") and its interval over seeds.
+
+    Where some runs failed, an interval of a mean says little: give failures as counts, with
+    ``share_interval``.
 
     Raises:
         ValueError: fewer than two values, which have no interval; a value that is not finite; an
@@ -84,21 +131,25 @@ def interval(
             "leave failed runs out and say so, and "
             "use time_to_criterion for times that were not reached"
         )
-    function = _STATISTICS[statistic]
-    point = float(function(sample))
     if np.all(sample == sample[0]):
-        return point, point, point
+        return float(sample[0]), float(sample[0]), float(sample[0])
+    found: tuple[float, float, float] = _STATISTICS[statistic](sample, level)
+    return found
+
+
+def share_interval(count: int, total: int, *, level: float = 0.95) -> tuple[float, float, float]:
+    """Return the share of runs in which something happened, and its exact interval (Clopper and
+    Pearson, Biometrika 26(4), 404, 1934): 0 of 10 still allows 31 %.
+
+    Raises:
+        ValueError: there are no runs, or more counts than runs.
+    """
+    if total < 1 or not 0 <= count <= total:
+        raise ValueError(f"{count!r} of {total!r} runs; expected 0 to all of at least one run")
     from scipy import stats
 
-    result = stats.bootstrap(
-        (sample,),
-        function,
-        confidence_level=level,
-        n_resamples=10_000,
-        method="percentile",
-        rng=np.random.default_rng(seed),
-    )
-    return point, float(result.confidence_interval.low), float(result.confidence_interval.high)
+    found = stats.binomtest(int(count), int(total)).proportion_ci(level, method="exact")
+    return count / total, float(found.low), float(found.high)
 
 
 def paired(
@@ -107,9 +158,8 @@ def paired(
     *,
     statistic: str = "mean",
     level: float = 0.95,
-    seed: int = 0,
 ) -> tuple[float, float, float]:
-    """Return the statistic of values - reference, seed by seed, and its bootstrap interval.
+    """Return the statistic of values - reference, seed by seed, and its interval.
 
     Raises:
         ValueError: the two have different lengths: then they are no pairs.
@@ -121,7 +171,7 @@ def paired(
             f"{first.size} values and {second.size} references are no pairs; give both for "
             "the same seeds in order"
         )
-    return interval(first - second, statistic=statistic, level=level, seed=seed)
+    return interval(first - second, statistic=statistic, level=level)
 
 
 @dataclass(frozen=True)
@@ -133,7 +183,7 @@ class TimeToCriterion:
         n, reached: number of runs, and of those that reached it.
         median: Kaplan-Meier median; infinite if half of the runs did not reach it.
         mean, low, high: mean time spent before the criterion, up to the horizon, with its 95 %
-            bootstrap interval over runs.
+            interval over runs.
         horizon: the shortest length of a run that did not reach it, or the latest time if all did:
             up to there nothing is censored, and the mean is one of min(time, horizon).
     """

@@ -47,7 +47,8 @@ class Rows:
             measures, ``{}`` for the name that they have in the table.
         prefix: begins their names in the table.
 
-    Numbers that belong to no row stand in a first one, in which the columns are empty.
+    Numbers that belong to no row stand in a first one, in which the columns are empty; a row of
+    which a trial has nothing is left out.
     """
 
     columns: tuple[str, ...] = ()
@@ -64,7 +65,8 @@ class Rows:
             row: Labels = dict(zip(self.columns, values, strict=True))
             for name in mine:
                 row[self.prefix + name[len(begin) : len(name) - len(end)]] = rest.pop(name)
-            rows.append(row)
+            if mine:
+                rows.append(row)
         whole: Labels = dict.fromkeys(self.columns)
         return [whole | rest, *rows] if rest or not rows else rows
 

@@ -23,6 +23,7 @@ from workbench.fields import choice, configuration, integer, part, real
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
+from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.l_psi import LPsi
 from workbench.formation.laws.table import LAWS, Controller, quantised_carrot
 from workbench.formation.reset import FOLLOW
@@ -40,6 +41,11 @@ OTHER_TRACKS = {  # beside the circle that is learned on
 SECTIONS = 4  # equal parts of the loop, counted from where each robot started
 
 
+# the carrot's best gains, without and with noise that is filtered (study ``tuning``)
+TUNED = {
+    False: CarrotPI(k_distance=8.0, k_integral=0.5, k_bearing=1.0),
+    True: CarrotPI(k_distance=1.0, k_integral=0.1, k_bearing=2.0),
+}
 # Who drives the followers: a law by its name, or one of these. "learner" learns first; "tractrix"
 # is the ideal of rods that pull, without any robot
 _OTHERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
@@ -47,6 +53,7 @@ _OTHERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
     "tractrix": None,
     "l-psi, point half way": lambda config: LPsi(ahead_m=config.middle_m / 2),
     "quantised carrot": quantised_carrot,
+    "carrot, tuned": lambda config: TUNED[config.noisy],
 }
 CONTROLLERS = _OTHERS | {name: lambda _, law=law: law() for name, law in LAWS.items()}
 
@@ -80,7 +87,15 @@ def _numbers_of(trial: Trial, run: Run) -> dict[str, float]:
     learned = run.summary
     greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
     late = ("losses_per_hour", "rms_distance_mm", "bearing_std_deg")
-    kept = ("losses", "mean_distance_mm", "rms_distance_mm", "bearing_mean_deg", "bearing_std_deg")
+    kept = (
+        "losses",
+        "mean_distance_mm",
+        "rms_distance_mm",
+        "bias_mm",
+        "ripple_mm",
+        "bearing_mean_deg",
+        "bearing_std_deg",
+    )
     return (
         {"losses": learned["losses"], "updates_to_lossfree": first_lossfree(run.records)}
         | {f"{name}_last_third": _number(learned[f"{name}_last_third"]) for name in late}
@@ -101,7 +116,7 @@ def measure_widely(trial: Trial) -> dict[str, float]:
     for name, track in OTHER_TRACKS.items():
         judged = replace(trial.config, seed=trial.config.seed + UNSEEN, track=track)
         greedy = evaluate(run.policy, judged, minutes=trial.minutes / 3, progress=False).summary
-        for key in ("losses", "rms_distance_mm", "bearing_std_deg"):
+        for key in ("losses", "rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
             result[f"{name}_{key}"] = _number(greedy[key])
     return _numbers_of(trial, run) | result
 

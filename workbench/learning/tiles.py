@@ -29,6 +29,10 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.compiled import compiled
 
 
+MAX_TILES = 64  # per dimension; how many of them, and tilings, the records of the loop have room for
+MAX_TILINGS = 8
+
+
 @compiled
 def tile_index(edges: NDArray[np.float64], n: int, x: float) -> int:
     """Return k with edges[k] <= x < edges[k+1] among the first n cells, or -1 (also for NaN)."""

@@ -116,7 +116,7 @@ def drive_robot(
         finally:  # what it has learned is kept, however the drive ended
             if out is not None:
                 Path(out).mkdir(parents=True, exist_ok=True)
-                shape = (1, config.rows, config.actions)
+                shape = (1, config.rows, config.action_count)
                 about = describe(follower.policy, config, follower.updates)
                 write_weights(
                     Path(out),

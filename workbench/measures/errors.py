@@ -19,6 +19,14 @@ from numpy.typing import NDArray
 from workbench.formation.config import ConvoyConfig
 from workbench.measures.motion import Motion
 
+SUMMARY = (
+    "rms_distance_mm",
+    "rms_bearing_deg",
+    "bearing_std_deg",
+    "bias_mm",
+    "ripple_mm",
+    "bearing_ripple_deg",
+)
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -49,14 +57,36 @@ def summary(
         wanted_m: the distance that followers are to keep.
 
     Returns:
-        rms_distance_mm, rms_bearing_deg and bearing_std_deg, the bearing's spread about its mean.
+        rms_distance_mm, rms_bearing_deg and bearing_std_deg, the bearing's spread about its mean;
+        bias_mm and ripple_mm, of which the former is how far followers stand off on average (RMS of
+        their means) and the latter how far they move about that: bias² + ripple² = rms²; and
+        bearing_ripple_deg, the same of the bearing.
     """
     if not chosen.any():
-        return dict.fromkeys(("rms_distance_mm", "rms_bearing_deg", "bearing_std_deg"), math.nan)
+        return dict.fromkeys(SUMMARY, math.nan)
     error_mm = 1000 * (distance[chosen] - wanted_m)
     angle_deg = np.degrees(bearing[chosen])
-    return {
-        "rms_distance_mm": math.sqrt(float(np.mean(error_mm**2))),
-        "rms_bearing_deg": math.sqrt(float(np.mean(angle_deg**2))),
-        "bearing_std_deg": float(angle_deg.std()),
-    }
+    bias, ripple = bias_and_ripple(1000 * (distance - wanted_m), chosen)
+    _, sway = bias_and_ripple(np.degrees(bearing), chosen)
+    values = (
+        math.sqrt(float(np.mean(error_mm**2))),
+        math.sqrt(float(np.mean(angle_deg**2))),
+        float(angle_deg.std()),
+        bias,
+        ripple,
+        sway,
+    )
+    return dict(zip(SUMMARY, values, strict=True))
+
+
+def bias_and_ripple(errors: Floats, chosen: Flags) -> tuple[float, float]:
+    """Return the RMS over followers of their mean errors, and of their spread about these, weighted
+    by how long each was chosen; both (periods, followers).
+    """
+    counts = chosen.sum(axis=0)
+    kept = np.where(chosen, errors, 0.0)
+    means = kept.sum(axis=0) / np.maximum(counts, 1)
+    spread = np.where(chosen, errors - means, 0.0)
+    bias = float(np.sum(counts * means**2) / counts.sum())
+    ripple = float(np.sum(spread**2) / counts.sum())
+    return math.sqrt(bias), math.sqrt(ripple)

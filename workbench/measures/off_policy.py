@@ -313,10 +313,10 @@ def learn_from_log(log: Log, config: ConvoyConfig, *, passes: int = 1) -> Policy
             f"{passes!r}; expected 1, 'greedy-gq' and at "
             "least 1"
         )
-    _check(log, config.rows, config.actions)
+    _check(log, config.rows, config.action_count)
     gq = GreedyGQ(
         config.rows,
-        config.actions,
+        config.action_count,
         alpha=learner.alpha,
         beta=learner.beta,
         gamma=learner.gamma,

@@ -19,7 +19,7 @@ from workbench.studies.motion_trials import measure_rival
 INFRARED = replace(SETTINGS["infrared"], followers=1)
 WHO = {
     "paper": Trial(config=SETTINGS["paper"], minutes=20.0),
-    "recommended": Trial(config=SETTINGS["recommended"], minutes=20.0),
+    "offset": Trial(config=SETTINGS["offset"], minutes=20.0),
     "infrared": Trial(config=INFRARED, steps=100_000, minutes=20.0),
     "carrot": Trial(config=SETTINGS["paper"], controller="carrot", minutes=20.0),
 }
@@ -61,7 +61,7 @@ def from_wheels(table: pd.DataFrame) -> pd.DataFrame:
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw how drives differ in following and moving; the numbers have losses, too."""
-    driver = table["driver"].replace("recommended", "4 tilings")
+    driver = table["driver"].replace("offset", "4 tilings")
     named = table.assign(condition=driver + ", " + table["drive"])
     shown = {name: words for name, (words, _, _) in MARGINS.items() if name in PANELS}
     fig = dot_panels(named, "condition", shown, size=(11.4, 3.4))

@@ -43,6 +43,8 @@ _RIVAL = (
     "following_collisions",
     "following_share",
     "following_rms_distance_mm",
+    "following_bias_mm",
+    "following_ripple_mm",
     "following_bearing_std_deg",
     "judder_mm_0",
     "judder_mm_1",
@@ -103,7 +105,7 @@ def _prepare(trial: Trial) -> tuple[Controller | None, dict[str, float]]:
     if trial.steps == 0:
         tables = config.followers if config.weights == "own" else 1
         theta = np.full(
-            (tables, config.rows, config.actions), config.learner.theta0 / config.tilings
+            (tables, config.rows, config.action_count), config.learner.theta0 / config.tilings
         )
         return Policy.of(config, theta), {}
     convoy = Convoy(
@@ -159,7 +161,7 @@ def _followed(motion: Motion, wanted_m: float) -> dict[str, float]:
     }
     for name, part in parts.items():
         errors = summary(distance, bearing, following & part, wanted_m=wanted_m)
-        for kind in ("rms_distance_mm", "bearing_std_deg"):
+        for kind in ("rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
             result[f"following_{kind}{name}"] = errors[kind]
     return result
 

@@ -8,7 +8,7 @@ Returns are summed over 60 steps; of a horizon of 500 the rest weighs less than 
 
 >>> from workbench.formation.config import SETTINGS
 >>> config = replace(SETTINGS["infrared"], sensing="ir-raw", followers=1, drive="planar")
->>> policy = Policy.of(config, np.zeros((1, config.rows, config.actions)))
+>>> policy = Policy.of(config, np.zeros((1, config.rows, config.action_count)))
 >>> log = Driver(config, policy).log(epsilon=0.5, periods=200)
 >>> len(log.state) > 20, bool(np.all(log.probability > 0))
 (True, True)

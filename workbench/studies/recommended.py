@@ -16,11 +16,11 @@ from workbench.studies.conditions import GREEDY
 
 def cases() -> Sequence[Case]:
     """Return the conditions."""
-    settings = {name: SETTINGS[name] for name in ("paper", "logarithmic", "recommended")}
+    settings = {name: SETTINGS[name] for name in ("paper", "logarithmic", "offset", "recommended")}
     settings["logarithmic 3×3"] = replace(
         SETTINGS["logarithmic"], state_tiles=(3, 3)
     )  # the smallest table that follows well
-    settings["recommended, 3×3 actions"] = replace(SETTINGS["recommended"], action_levels=(3, 3))
+    settings["offset, 3×3 actions"] = replace(SETTINGS["offset"], action_levels=(3, 3))
     return [
         ({"setting": name}, replace(config, drive="rolling")) for name, config in settings.items()
     ]

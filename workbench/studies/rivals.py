@@ -21,7 +21,7 @@ RIVALS = ("greedy-gq", "watkins-q", "expected-sarsa", "qrc", "true-online-sarsa"
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     cases: list[Case] = []
-    for setting, alphas in (("paper", (0.03, 0.1, 0.3)), ("recommended", (0.1,))):
+    for setting, alphas in (("paper", (0.03, 0.1, 0.3)), ("offset", (0.1,))):
         base = replace(SETTINGS[setting], drive="rolling")
         for rule in RIVALS:
             for alpha in alphas:
@@ -141,7 +141,7 @@ def differences(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     effects = from_reference(runs)
     fig = Figure(figsize=(12.6, 5.6), layout="constrained")
     grid = fig.subplots(2, 5, sharey="row")
-    settings = {"paper": "paper's tiles", "recommended": "recommended setting"}
+    settings = {"paper": "paper's tiles", "offset": "offset tilings"}
     for line, (setting, words) in zip(grid, settings.items(), strict=True):
         for ax, value, name in zip(line, MEASURES, LABELS, strict=True):
             part = effects[(effects["setting"] == setting) & (effects["measure"] == value)]

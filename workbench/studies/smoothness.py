@@ -21,7 +21,7 @@ from workbench.studies.published import formation, load_study, per_robot
 def cases() -> Sequence[Case]:
     """Return the conditions."""
     cases: list[Case] = []
-    for name in ("paper", "recommended"):
+    for name in ("paper", "offset"):
         for updates in (0, 1_000, 10_000, 100_000, HORIZON):
             config = replace(SETTINGS[name], drive="rolling")
             trial = Trial(config=config, steps=updates, horizon=HORIZON, minutes=20.0)
@@ -29,7 +29,7 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-NAMES = {"paper": "paper's 9×9 tiles", "recommended": "recommended, 4 × 5×5"}
+NAMES = {"paper": "paper's 9×9 tiles", "offset": "offset tilings, 4 × 5×5"}
 PATH = {
     "ratio": "judder J₁ / J₀",
     "excess_1": "excess X over the tractrix",

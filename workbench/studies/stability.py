@@ -19,11 +19,11 @@ def cases() -> Sequence[Case]:
     """Return the conditions."""
     return [
         ({"setting": name}, replace(SETTINGS[name], drive="rolling"))
-        for name in ("paper", "recommended")
+        for name in ("paper", "offset")
     ]
 
 
-NAMES = {"paper": "paper's 9×9 tiles", "recommended": "recommended, 4 × 5×5"}
+NAMES = {"paper": "paper's 9×9 tiles", "offset": "offset tilings, 4 × 5×5"}
 
 
 def followers(table: pd.DataFrame) -> pd.DataFrame:

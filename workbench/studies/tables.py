@@ -213,7 +213,7 @@ def update_time_s(factor: float, config: ConvoyConfig) -> float:
     A dense update touches every weight, so that its time grows with the table; 24 µs were measured
     for 81 × 49 weights.
     """
-    return factor * DENSE_UPDATE_S * config.rows * config.actions / (81 * 49)
+    return factor * DENSE_UPDATE_S * config.rows * config.action_count / (81 * 49)
 
 
 def factor_for(seconds: float, config: ConvoyConfig) -> float:

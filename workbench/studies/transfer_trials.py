@@ -23,10 +23,11 @@ from workbench.fields import choice, configuration, integer
 from workbench.formation.body import LONGEST_DELAY, BodyConfig
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
+from workbench.formation.estimate import PREDICTIONS
 from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
-from workbench.formation.senses.table import INFRARED
+from workbench.formation.senses.table import INFRARED, SENSES
 from workbench.lab.trial import UNSEEN, Trial
 from workbench.measures.errors import summary, true_errors, within
 from workbench.measures.motion import Motion, chatter
@@ -46,6 +47,12 @@ QUIET = 2_000
 LATER = 40_000
 NOISE_FACTORS = (0, 1, 2, 3, 4, 5)
 DELAYS = range(LONGEST_DELAY + 1)  # control periods
+PACES = (0.75, 1.0)  # of the leader's speed: what followers down the line are led at
+# what may be made of the same weights, see ``formation.output``
+CURES = {
+    "none": {"output": "greedy", "trim": 0.0},
+    "calm": {"output": "interpolated", "trim": 0.01},
+}
 
 Table = NDArray[np.float64]
 
@@ -114,7 +121,7 @@ def measure_transfer(trial: Transfer) -> dict[str, float]:
 
 def measure_delays(trial: Trial) -> dict[str, float]:
     """Return how weights of the nominal simulation follow in a judging world, were its commands 0
-    to 3 control periods late.
+    to 4 control periods late, with every prediction that the route knows enough for.
     """
     config = _own_robots(trial)
     unseen = trial.config.seed + UNSEEN
@@ -123,23 +130,31 @@ def measure_delays(trial: Trial) -> dict[str, float]:
     worlds |= {
         f"delay_{k}": emulated_world(config, config.seed, family="judging", delay=k) for k in DELAYS
     }
+    known = PREDICTIONS if SENSES[config.sensing].metric else ("none",)
     result: dict[str, float] = {}
     for name, world in worlds.items():
-        numbers = _errors(world, _followed(world.with_seed(unseen), table, trial), slice(None))
-        result |= {f"{name}_{key}": value for key, value in numbers.items()}
+        for prediction in known:
+            told = replace(world.with_seed(unseen), prediction=prediction)
+            numbers = _errors(world, _followed(told, table, trial), slice(None))
+            result |= {f"{name}_{prediction}_{key}": value for key, value in numbers.items()}
     return result
 
 
 def measure_copies(trial: Trial) -> dict[str, float]:
-    """Return each follower's errors, on the very robots that learned, with four kinds of weights.
+    """Return each follower's errors, on the very robots that learned, with five kinds of weights,
+    without and with the cures of an output stage.
 
-    ``own_…`` are what it learned itself, ``copied_…`` what the first follower learned, ``last_…``
-    what the last one learned, and ``shared_…`` one table that all followers learned together, which
-    gets the updates of all of them.
+    ``own`` are what it learned itself, ``copied`` what the first follower learned, ``last`` what
+    the last one learned, ``shared`` one table that all followers learned together, which gets the
+    updates of all of them, and ``range`` what the first follower learned behind leaders of many
+    speeds.
     """
     config = _own_robots(trial)
     table, _ = _learned(config, trial.steps)
     shared, _ = _learned(replace(config, weights="shared"), trial.steps)
+    paces = np.random.default_rng(config.seed).uniform(*PACES, STRETCHES)
+    led = (replace(config, leader_speed_mps=pace * config.leader_speed_mps) for pace in paces)
+    ranged = _learned_in_turn(led, trial)
     judged = config.with_seed(config.seed + UNSEEN)
     result: dict[str, float] = {}
     for name, weights in (
@@ -147,11 +162,13 @@ def measure_copies(trial: Trial) -> dict[str, float]:
         ("copied", table[:1]),
         ("last", table[-1:]),
         ("shared", shared),
+        ("range", ranged[:1]),
     ):
-        steps = _followed(judged, weights, trial)
-        for k in range(config.followers):
-            numbers = _errors(judged, steps, slice(k, k + 1))
-            result |= {f"{name}_{key}_{k + 1}": value for key, value in numbers.items()}
+        for cures, options in CURES.items():
+            steps = _followed(replace(judged, **options), weights, trial)  # type: ignore[arg-type]
+            for k in range(config.followers):
+                numbers = _errors(judged, steps, slice(k, k + 1))
+                result |= {f"{name}_{cures}_{key}_{k + 1}": n for key, n in numbers.items()}
     return result
 
 
@@ -292,5 +309,7 @@ def _errors(config: ConvoyConfig, steps: NDArray[np.void], who: slice) -> dict[s
         "losses": float(np.count_nonzero(at["event"] & LOSS)),
         "share_inside": float(inside.mean()),
         "rms_distance_mm": errors["rms_distance_mm"],
+        "bias_mm": errors["bias_mm"],
+        "ripple_mm": errors["ripple_mm"],
         "rms_bearing_deg": errors["rms_bearing_deg"],
     }

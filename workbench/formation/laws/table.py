@@ -145,7 +145,8 @@ def quantised_carrot(
     rows = np.array(
         [grid.centre(cell) for grid in config.grids() for cell in range(grid.n)]
     )  # (rows, 2): e_d in m, φ in rad
-    v, omega = config.leader_speed_mps + k_distance * rows[:, 0], k_bearing * rows[:, 1]
+    ahead = 0.0 if config.actions == "relative" else config.leader_speed_mps
+    v, omega = ahead + k_distance * rows[:, 0], k_bearing * rows[:, 1]
     wanted = (
         np.stack(
             [v - omega * config.robot.track_m / 2, v + omega * config.robot.track_m / 2], axis=1
@@ -155,4 +156,4 @@ def quantised_carrot(
     gap = (wanted[:, 0, None, None] - left[:, None]) ** 2 + (
         wanted[:, 1, None, None] - right[None, :]
     ) ** 2
-    return Policy.of(config, -gap.reshape(1, config.rows, config.actions))
+    return Policy.of(config, -gap.reshape(1, config.rows, config.action_count))

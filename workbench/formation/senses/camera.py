@@ -27,6 +27,9 @@ from workbench.formation.senses.sense import EVERYBODY, Draw, Sense, Values
 from workbench.formation.senses.truth import observe
 from workbench.robot.geometry import CONTROL_PERIOD
 
+# spread of distances in m and bearings in rad by tracked poses, measured in the default arena: what
+# a filter expects
+NOISE_TOLD = (1e-3, math.radians(1.0))
 # of TASK.camera
 MODEL = 1
 PIXELS = 2
@@ -167,6 +170,8 @@ MODES = tuple(
         locate,
         moving=True,
         epuck=True,
+        noise=lambda _: NOISE_TOLD,
+        age=lambda config: config.camera.latency_s,
         draws=(
             Draw("camera", (3,), "camera", EVERYBODY),
             Draw("hidden", (), "hidden", EVERYBODY, uniform=True),

@@ -26,6 +26,7 @@ import numpy as np
 
 from workbench.compiled import compiled, uncompiled
 from workbench.formation.angles import wrap
+from workbench.formation.output import spent
 from workbench.formation.readings import raw_scales, reading_tilings
 from workbench.formation.reset import DRIVE_ON_PERIODS
 from workbench.formation.senses.sense import FOLLOWERS, Draw, Sense, Values
@@ -33,6 +34,7 @@ from workbench.formation.streams import own_chance
 from workbench.learning.tiles import Tiling
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 from workbench.robot.infrared import (
+    ADC,
     BEACON_RANGE,
     BLINDED,
     RANGE,
@@ -64,6 +66,15 @@ from workbench.robot.motors import motor_speed
 NEAR = 8  # robots that one robot's sensors can be shown at once
 UNSEEN = 1e6  # m
 SIDEWAYS = math.radians(50)  # bearing of what a side sensor sees best
+# spread of distances in m and bearings in rad, measured in the default arena: what a filter expects
+NOISE_TOLD = (2e-3, math.radians(2.0))
+# whole numbers of the trim of readings: parts of a logarithm, of the integral, and how it is shifted
+LOG_PARTS = 256
+TRIM_BITS = 15
+TRIM_SHIFT = 10
+TRIM_ONE = 1 << TRIM_BITS
+TRIM_UNIT = 1 << (TRIM_BITS + TRIM_SHIFT)
+LARGEST_TRIM = 0.75
 MOVED = 0.1  # m, more than a robot moves while the sensors are read
 LOOKING = np.array([1, 1, 0, 0, 0, 0, 1, 1], np.bool_)  # sensors that a follower follows by
 ALL = np.ones(SENSORS, np.bool_)
@@ -103,6 +114,9 @@ PERCEPTION = np.dtype(
         ("raw_near", "f8"),
         ("raw_far", "f8"),
         ("raw_side", "f8"),
+        ("trim_gain", "i8"),  # of ``trim_readings``, in its whole numbers
+        ("trim_limit", "i8"),
+        ("trim_middle", "i8"),
         ("table", "f8", (2, NODES, NODES)),
     ]
 )
@@ -272,6 +286,41 @@ def tile_readings(task: Any, follower: Any, e_d: float, o_err: float) -> tuple[b
     return inside, follower.infrared.left, follower.infrared.right
 
 
+@compiled
+def log_counts(reading: int) -> int:
+    """Return the natural logarithm of a reading with the floor, in parts of LOG_PARTS."""
+    return int(math.floor(LOG_PARTS * math.log(reading + FLOOR) + 0.5))
+
+
+@compiled
+def trim_readings(task: Any, follower: Any, e_d: float, first: float, second: float) -> Any:
+    """Return the readings that are tiled once the integral of their distance-like error has gone
+    on: both times 1 - I, in whole numbers, as a firmware has it.
+    """
+    left, right = int(first), int(second)
+    error = task.infrared.trim_middle - log_counts(left) - log_counts(right)
+    output = follower.output
+    if not spent(task, follower, float(error)):
+        limit = task.infrared.trim_limit
+        moved = int(output.trim) + task.infrared.trim_gain * error
+        output.trim = float(min(max(moved, -limit), limit))
+    factor = TRIM_ONE + TRIM_ONE - ((int(output.trim) + TRIM_UNIT) >> TRIM_SHIFT)
+    left = min((left * factor) >> TRIM_BITS, ADC)
+    right = min((right * factor) >> TRIM_BITS, ADC)
+    return float(left), float(right)
+
+
+def trim_numbers(
+    trim: float, limit_m: float, half_range_m: float, middle: float, far: float
+) -> tuple[int, int, int]:
+    """Return gain, limit and middle of ``trim_readings``: the error that it integrates counts in
+    logarithms, ``far`` of which are half the range in m.
+    """
+    gain = round(trim * TRIM_UNIT / (2 * LOG_PARTS))
+    limit = min(limit_m / half_range_m * far, LARGEST_TRIM)
+    return gain, round(limit * TRIM_UNIT), round(2 * LOG_PARTS * middle)
+
+
 def check(config: Any) -> None:
     """Refuse bounds at which nothing is seen, and noise beside the readings' own."""
     if config.noise_distance_m or config.noise_bearing_rad:
@@ -326,6 +375,9 @@ def fill(config: Any) -> Values:
     middle, near, far, side = raw_scales(
         config.infrared, config.distance_m, config.bearing_limit_rad, FLOOR
     )
+    gain, limit, twice = trim_numbers(
+        config.trim, config.trim_limit_m, config.half_range_m, float(middle), float(far)
+    )
     fields = {
         "sees": 1,
         "threshold": config.threshold_counts,
@@ -334,6 +386,9 @@ def fill(config: Any) -> Values:
         "raw_near": near,
         "raw_far": far,
         "raw_side": side,
+        "trim_gain": gain,
+        "trim_limit": limit,
+        "trim_middle": twice,
     }
     return {"infrared": fields, "search": {"short_sighted": 1, "periods": DRIVE_ON_PERIODS}}
 
@@ -372,6 +427,8 @@ _METRIC = Sense(
     fill=fill,
     check=check,
     equip=equip,
+    noise=lambda _: NOISE_TOLD,
+    age=lambda config: config.infrared.age_s,
 )
 MODES = (
     _METRIC,
@@ -382,6 +439,8 @@ MODES = (
         gives=("readings", "odometry"),
         tiled=tile_readings,
         errors=raw_errors,
+        trimmed=trim_readings,
+        metric=False,
         units=("counts", "counts"),
         tilings=tilings,
     ),

@@ -11,6 +11,8 @@ with records of type TASK and ROBOT:
                                                 last one stays
     tiled(task, follower, e_d, o_err)           (inside, first, second): what its tiles are of
     errors(task, follower, e_d, o_err)          (u, v): what its rewards are of, in [-1, 1]
+    trimmed(task, follower, e_d, first, second) what is tiled once the integral of the distance
+                                                error has gone on, see ``formation.output``
 """
 
 from collections.abc import Callable, Mapping
@@ -20,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.compiled import compiled
+from workbench.formation.output import trim_error
 from workbench.learning.tiles import Tiling
 
 LEADER = slice(0, 1)
@@ -66,6 +69,14 @@ def _no_values(_: Any) -> Values:
     return {}
 
 
+def _told_noise(config: Any) -> tuple[float, float]:
+    return config.noise_distance_m, config.noise_bearing_rad
+
+
+def _no_age(_: Any) -> float:
+    return 0.0
+
+
 @dataclass(frozen=True)
 class Sense:
     """One sensing mode.
@@ -74,9 +85,11 @@ class Sense:
         name: of the mode; tells: what it is, for a list of choices.
         gives: what a follower knows: distance and bearing of its predecessor, its own odometry, and
             more. A learner needs the first two, or readings; laws declare what they need.
-        see, locate, tiled, errors: compiled, see above.
+        see, locate, tiled, errors, trimmed: compiled, see above.
         units: of both dimensions of the tiles; tilings: of a configuration, None for those of
             errors in m and rad.
+        metric: whether what it tiles has metres, so that a place can be filtered and foreseen.
+        noise: of a configuration, the spread of what is told, m and rad; age: how old it is, s.
         moving: whether it needs the robots' motion.
         epuck: whether it was measured on e-pucks and fits no other robot.
         draws: what is drawn for it.
@@ -92,8 +105,12 @@ class Sense:
     locate: Any = nowhere
     tiled: Any = tile_errors
     errors: Any = in_bounds
+    trimmed: Any = trim_error
     units: tuple[str, str] = ("m", "rad")
     tilings: Callable[[Any], tuple[Tiling, Tiling]] | None = None
+    metric: bool = True
+    noise: Callable[[Any], tuple[float, float]] = _told_noise
+    age: Callable[[Any], float] = _no_age
     moving: bool = False
     epuck: bool = False
     draws: tuple[Draw, ...] = ()

@@ -43,13 +43,14 @@ for _draw in (draw for row in _ROWS for draw in row.draws):
 
 _COLUMNS = {
     column: _distinct(getattr(row, column) for row in _ROWS)
-    for column in ("locate", "see", "tiled", "errors")
+    for column in ("locate", "see", "tiled", "errors", "trimmed")
 }
 SENSE_FIELDS = [(column, "i8") for column in _COLUMNS]  # fields of TASK.sense
 locate = chosen(_COLUMNS["locate"])
 see = chosen(_COLUMNS["see"])
 tiled = chosen(_COLUMNS["tiled"])
 errors = chosen(_COLUMNS["errors"])
+trimmed = chosen(_COLUMNS["trimmed"])
 
 
 def numbers(sensing: str) -> dict[str, int]:

@@ -1,0 +1,143 @@
+"""The estimate of the predecessor: gains, filter, prediction over a delay."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import workbench as wb
+from workbench.arena.camera.config import CameraConfig
+from workbench.formation.body import BodyConfig
+from workbench.formation.convoy import Convoy
+from workbench.formation.estimate import EstimateConfig, gains
+from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.laws.table import quantised_carrot
+from workbench.formation.solo import SoloFollower
+
+BASE = wb.ConvoyConfig(followers=1, drive="rolling")
+
+
+@pytest.mark.parametrize("noise", [1e-4, 2e-3, 2e-2])
+@pytest.mark.parametrize("acceleration", [0.02, 0.1, 1.0])
+def test_gains_are_kalatas(noise, acceleration):
+    """Kalata (1984): the tracking index decides both gains of the steady filter."""
+    index = acceleration * 0.1**2 / noise
+    r = (4 + index - math.sqrt(8 * index + index**2)) / 4
+    alpha = 1 - r**2
+    beta = 2 * (2 - alpha) - 4 * math.sqrt(1 - alpha)
+    assert_allclose(gains(noise, acceleration), (alpha, beta), rtol=1e-6)
+
+
+def _predecessors(config, steps):
+    """Return distance, bearing and speed as an estimate had them, beside the truth."""
+    follower = SoloFollower(config, quantised_carrot(config))
+    rng = np.random.default_rng(2)
+    x = np.zeros(3)  # the robot's x, y, heading; its predecessor drives a circle
+    found = []
+    commands = [(0, 0)] * 10
+    step_m, track = config.robot.step_m, config.robot.track_m
+    for t in range(steps):
+        angle = 0.12 * t / 10
+        ahead = np.array([0.5 * math.sin(angle) + 0.15, 0.5 - 0.5 * math.cos(angle)])
+        delta = ahead - x[:2]
+        distance = math.hypot(*delta)
+        bearing = (math.atan2(delta[1], delta[0]) - x[2] + math.pi) % (2 * math.pi) - math.pi
+        told = (
+            distance + config.noise_distance_m * rng.standard_normal(),
+            bearing + config.noise_bearing_rad * rng.standard_normal(),
+        )
+        commands.insert(0, follower.decide(distance=told[0], bearing=told[1]))
+        estimate = follower.record["estimate"]
+        kept = math.hypot(estimate["x"], estimate["y"])
+        found.append((distance, bearing, *told, kept, math.atan2(estimate["y"], estimate["x"])))
+        left, right = commands[0]
+        v, w = (left + right) * step_m / 2, (right - left) * step_m / track
+        x[0] += 0.1 * v * math.cos(x[2] + 0.05 * w)
+        x[1] += 0.1 * v * math.sin(x[2] + 0.05 * w)
+        x[2] += 0.1 * w
+    return np.array(found), float(follower.record["estimate"]["pace"])
+
+
+def test_the_filter_halves_the_noise():
+    config = replace(
+        BASE, noise_distance_m=0.002, noise_bearing_rad=math.radians(2), filter="alpha-beta"
+    )
+    found, _ = _predecessors(config, 2000)
+    true, told, kept = (found[200:, k : k + 2] for k in (0, 2, 4))
+    assert (np.std(kept - true, axis=0) < 0.75 * np.std(told - true, axis=0)).all()
+
+
+def test_the_pace_is_the_predecessors_speed():
+    _, pace = _predecessors(replace(BASE, actions="relative"), 400)
+    assert pace == pytest.approx(0.06, rel=0.03)
+
+
+def test_without_a_delay_prediction_changes_nothing():
+    policy = quantised_carrot(BASE)
+    runs = [
+        Convoy(replace(BASE, prediction=kind), [1], periods=300, policy=policy.theta).whole()
+        for kind in ("own", "both")
+    ]
+    assert runs[0].tobytes() == runs[1].tobytes()
+    plain = Convoy(BASE, [1], periods=300, policy=policy.theta).whole()
+    # what is foreseen goes through a rotation and back
+    assert_allclose(runs[0]["distance_error"], plain["distance_error"], atol=1e-6)
+    assert (runs[0]["left"] == plain["left"]).mean() > 0.99
+
+
+@pytest.mark.parametrize("sensing", ["truth", "camera"])
+def test_a_foreseen_place_is_where_the_robot_will_be_when_its_command_arrives(sensing):
+    """Foreseen with both, three control periods ahead, against what is seen three periods later."""
+    config = replace(
+        BASE,
+        sensing=sensing,
+        camera=CameraConfig(latency_s=0.0),
+        body=BodyConfig(delay=3),
+        prediction="both",
+    )
+    steps = Convoy(config, [1], periods=900, policy=CarrotPI()).whole()
+    distance, bearing = wb.Motion.of_steps(steps).errors()
+    following = steps["phase"][:, 1] == 0
+    assert following.mean() > 0.95
+    foreseen = steps["distance_error"][300:-3, 0 + 1]
+    # a record holds the errors at which the last action was chosen, a period ago
+    true = distance[302:-1, 0] - config.middle_m
+    now = distance[299:-4, 0] - config.middle_m
+    keep = following[300:-3]
+    ahead = np.sqrt(np.mean((foreseen[keep] - true[keep]) ** 2))
+    stale = np.sqrt(np.mean((now[keep] - true[keep]) ** 2))
+    assert ahead < stale or ahead < 0.001
+
+
+def test_a_late_carrot_is_calm_again_with_prediction():
+    late = replace(BASE, followers=4, body=BodyConfig(delay=3))
+    law = CarrotPI(k_bearing=6.0)
+    errors = {
+        kind: wb.evaluate(law, replace(late, prediction=kind), minutes=5, progress=False).summary
+        for kind in ("none", "own", "both")
+    }
+    spread = {kind: each["bearing_std_deg"] for kind, each in errors.items()}
+    assert errors["both"]["losses"] <= errors["none"]["losses"]
+    assert spread["both"] < 0.6 * spread["none"]
+
+
+def test_a_given_delay_may_be_a_part_of_a_period():
+    config = replace(
+        BASE, body=BodyConfig(delay=2), prediction="both", estimate=EstimateConfig(delay_s=0.25)
+    )
+    assert config.late_s == 0.25
+    assert replace(config, estimate=EstimateConfig()).late_s == pytest.approx(0.2)
+    run = wb.evaluate(CarrotPI(), config, minutes=2, progress=False)
+    assert run.summary["losses"] == 0
+
+
+def test_what_is_out_of_sight_is_forgotten():
+    config = replace(BASE, filter="alpha-beta")
+    follower = SoloFollower(config, quantised_carrot(config))
+    for _ in range(5):
+        follower.decide(distance=0.15, bearing=0.0)
+    assert follower.record["estimate"]["any"] == 1
+    follower.decide(distance=1e6, bearing=0.0)
+    assert follower.record["estimate"]["any"] == 0
