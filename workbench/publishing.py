@@ -19,6 +19,7 @@ from workbench.notebooks import execute_and_store
 from workbench.plots.figures import changed_files, compare_numbers, numbers_in
 from workbench.sources import LIBRARIES, PACKAGE, version
 from workbench.studies.paper import paper_runs
+from workbench.studies.replication import write_card
 
 
 def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
@@ -50,6 +51,7 @@ def regenerate(*, check: bool = False) -> tuple[list[str], pd.DataFrame]:
             if isinstance(result, Failed):
                 raise RuntimeError(result.error)
         if not check:
+            write_card()
             _note().parent.mkdir(parents=True, exist_ok=True)
             write_json(_note(), {"inputs": inputs} | _made(notebooks))
         return changed_files(before, _figure_bytes()), compare_numbers(

@@ -1,4 +1,4 @@
-"""What becomes of a table's actions: interpolation, trim, relative levels, and learning with them."""
+"""What becomes of a table's actions: interpolation, trim, relative levels; learning with them."""
 
 import math
 from dataclasses import replace

@@ -17,6 +17,7 @@ from workbench.lab.statistics import (
     iqm,
     moments,
     paired,
+    share_interval,
     share_of_block,
     time_to_criterion,
     time_to_stable,
@@ -41,22 +42,44 @@ def test_best_cell_and_block_by_hand():
 def test_interval_covers_the_mean_and_needs_two_seeds():
     values = np.array([1.0, 2.0, 3.0, 4.0])
     mean, low, high = interval(values)
-    assert mean == 2.5 and 1.0 <= low < 2.5 < high <= 4.0
-    assert interval(values) == (mean, low, high)  # its own generator: no global chance
+    # Student's t: nothing is skewed
+    assert mean == 2.5 and (low, high) == pytest.approx((0.446, 4.554), abs=1e-3)
     assert interval([3.0, 3.0, 3.0]) == (3.0, 3.0, 3.0)
     with pytest.raises(ValueError, match="1 values have no interval"):
         interval([1.0])
 
 
-def test_interval_has_about_its_stated_coverage():
+@pytest.mark.parametrize(
+    ("draw", "truth"),
+    [
+        (lambda rng: rng.normal(size=10), 0.0),
+        (lambda rng: np.exp(0.25 * rng.normal(size=10)), np.exp(0.25**2 / 2)),
+        (lambda rng: np.exp(0.5 * rng.normal(size=10)), np.exp(0.5**2 / 2)),
+    ],
+    ids=["normal", "log-normal 0.25", "log-normal 0.5"],
+)
+def test_an_interval_of_ten_seeds_covers_what_it_says(draw, truth):
     rng = np.random.default_rng(0)
-    hits = [
-        low <= 0 <= high
-        for _, low, high in (interval(rng.normal(size=20), seed=k) for k in range(200))
-    ]
-    assert (
-        0.88 <= np.mean(hits) <= 0.98
-    )  # a percentile bootstrap of 20 values is a little short of 95 %
+    intervals = (interval(draw(rng)) for _ in range(8000))
+    covered = np.mean([low <= truth <= high for _, low, high in intervals])
+    assert 0.93 <= covered <= 0.96
+
+
+def test_medians_and_interquartile_means_have_intervals_that_cover_them():
+    rng = np.random.default_rng(1)
+    for statistic in ("median", "iqm"):
+        found = (interval(rng.normal(size=10), statistic=statistic) for _ in range(2000))
+        assert np.mean([low <= 0 <= high for _, low, high in found]) > 0.93
+
+
+def test_shares_of_runs_have_exact_intervals():
+    """Clopper and Pearson (1934): none of ten still allows 31 %."""
+    share, low, high = share_interval(0, 10)
+    assert (share, low) == (0.0, 0.0) and high == pytest.approx(0.3085, abs=1e-4)
+    assert share_interval(10, 10)[1] == pytest.approx(0.6915, abs=1e-4)
+    chance = np.random.default_rng(2).binomial(10, 0.1, 4000)
+    found = [share_interval(int(count), 10) for count in chance]
+    assert np.mean([low <= 0.1 <= high for _, low, high in found]) >= 0.95
 
 
 def test_moments_by_hand():
@@ -247,6 +270,7 @@ def test_times_to_a_criterion_count_runs_that_never_reached_it():
             "statistic = 'mode'; expected one of 'mean', 'median', 'iqm'",
         ),
         (lambda: paired([1.0, 2.0], [1.0]), "2 values and 1 references are no pairs"),
+        (lambda: share_interval(3, 2), "3 of 2 runs; expected 0 to all of at least one run"),
         (
             lambda: time_to_criterion([10.0, 200.0], 100.0),
             "a time of 200 lies beyond the run's length of 100",

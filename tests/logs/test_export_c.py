@@ -168,7 +168,7 @@ def test_c_makes_the_same_of_a_table_as_the_follower_bit_for_bit(tmp_path, tiles
 
 @needs_gcc
 def test_c_drives_a_simulated_robot_as_drive_does(tmp_path):
-    """Learned, calm and trimmed: the firmware's file and the one-robot loop on the same readings."""
+    """Learned, calm, trimmed: the firmware's file and the one-robot loop on the same readings."""
     config = replace(RAW, drive="rolling", output="interpolated", trim=0.01)
     run = wb.learn(config, steps=5000, progress=False)
     export_c(run.policy, tmp_path / "policy.c", config=config)

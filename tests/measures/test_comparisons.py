@@ -106,7 +106,7 @@ def test_plots_show_every_condition_with_its_seeds_and_kind_of_interval():
     )
     ax = curves(summary, "tiles", by="spacing", xlabel="tiles", ylabel="error in mm")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["uniform", "logarithmic"]
-    assert "95 % bootstrap interval over seeds, n = 10" in ax.get_title(loc="left")
+    assert "95 % interval over seeds, n = 10" in ax.get_title(loc="left")
     left, right = new_axes(), new_axes()
     dots(summary, "tiles", xlabel="error in mm", ax=left, reference=3.0)
     dots(summary, "tiles", xlabel="error in mm", ax=right)

@@ -140,7 +140,8 @@ def test_copies_are_judged_follower_by_follower_on_the_robots_that_learned():
     )  # the first keeps its own weights
     assert numbers["own_rms_distance_mm_2"] != numbers["copied_rms_distance_mm_2"]
     own, last = (
-        wb.Policy.of(different, np.zeros((n, different.rows, different.action_count))) for n in (2, 1)
+        wb.Policy.of(different, np.zeros((n, different.rows, different.action_count)))
+        for n in (2, 1)
     )
     assert (
         own.check(different) is None and last.check(different) is None

@@ -408,8 +408,9 @@ class ConvoyConfig:
         its wheels' fastest.
 
         What is scaled: distances, the track with its judder and line, sight, noise of distances,
-        the limit of the trim; speeds of leader and wheels, expected accelerations. Angles, rewards (in units of the bounds) and the control period
-        stay. ``replace`` sets single values afterwards.
+        the limit of the trim; speeds of leader and wheels, expected accelerations. Angles, rewards
+        (in units of the bounds) and the control period stay. ``replace`` sets single values
+        afterwards.
         """
         if not isinstance(robot, RobotConfig):
             raise TypeError(
@@ -446,11 +447,11 @@ def _times(factor: float, pair: tuple[float, float]) -> tuple[float, float]:
 
 # Named settings. "paper": tiles and actions that the paper states for its simulation; "paper-
 # robot": those for its robots; "logarithmic": the paper's other spacing, with initial values that
-# leave room to improve on; "offset": four coarse tilings that together resolve 7 mm × 4.5°, the best
-# of all that were tried without an output stage (notebook 12). "recommended": few cells, few
-# actions, and commands interpolated between them; trim takes away the offset. 135 weights, and it
-# follows best and is the calmest under noise. "infrared": with nothing but the two front sensors,
-# 8 to 13 cm and ±25° (notebook 05).
+# leave room to improve on; "offset": four coarse tilings that together resolve 7 mm × 4.5°, the
+# best of all that were tried without an output stage (notebook 12). "recommended": few cells, few
+# actions, and commands interpolated between them, with a trim that takes away the offset: 135
+# weights, exact, calm, also under noise. "infrared": with nothing but the two front sensors, 8 to
+# 13 cm and ±25° (notebook 05).
 SETTINGS = {
     "paper": ConvoyConfig(),
     "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),

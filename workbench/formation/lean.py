@@ -2,7 +2,8 @@
 time: what most people run first begins sooner.
 
 Plain is: no law drives, poses are the simulator's and taken as they are, robots are as they should
-be, and the learner is one of the kernel's. What such a run does is the same to the last bit with the whole loop.
+be, and the learner is one of the kernel's. What such a run does is the same to the last bit with
+the whole loop.
 
 Contract: which of the two runs is nobody's to know but the convoy's.
 """

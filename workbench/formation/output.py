@@ -11,10 +11,11 @@ rests while the wheels have nothing left to give, and begins at 0 with every epi
 
 With ``actions="relative"`` levels are added to the estimated speed of the predecessor.
 
-Who learns drives by the table's own actions, unless ``learn_by="output"`` says that it interpolates,
-too: the greedy action of a cell then stands for what the output makes of it there, and ρ, which is a
-ratio of choices, stays as it is. What an action means then changes as its neighbours learn. Trim
-rests while a follower learns: a table that is told a wrong error learns to live with it.
+Who learns drives by the table's own actions, unless ``learn_by="output"`` says that it
+interpolates, too: the greedy action of a cell then stands for what the output makes of it there,
+and ρ, which is a ratio of choices, stays as it is. What an action means then changes as its
+neighbours learn. Trim rests while a follower learns: a table that is told a wrong error learns to
+live with it.
 
 Contract: compiled, whole numbers where commands are made, so that a firmware without floating point
 does the same to the last bit (``logs.export_c``).
@@ -137,9 +138,7 @@ def interpolate(task: Any, follower: Any, theta: Any) -> tuple[int, int]:
 
 
 @compiled
-def _greedy_at(
-    grid: Any, lattice: Any, cells: Any, theta: Any, row: int, column: int
-) -> int:
+def _greedy_at(grid: Any, lattice: Any, cells: Any, theta: Any, row: int, column: int) -> int:
     """Return the greedy action in a cell of the lattice."""
     for k in range(grid.tilings):
         cell = lattice.distance_tiles[k, row] * grid.bearing_tiles[k]
@@ -159,8 +158,8 @@ def spent(task: Any, follower: Any, e_d: float) -> bool:
     left_levels = task.grid.actions // levels
     output = follower.output
     if e_d > 0.0:
-        return output.left >= left[left_levels - 1] and output.right >= right[levels - 1]
-    return output.left <= left[0] and output.right <= right[0]
+        return bool(output.left >= left[left_levels - 1] and output.right >= right[levels - 1])
+    return bool(output.left <= left[0] and output.right <= right[0])
 
 
 @compiled

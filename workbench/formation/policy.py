@@ -212,4 +212,4 @@ class Policy:
                 f"missing arrays {missing}"
             )
         parts = {part.name: arrays[part.name] for part in fields(cls)}
-        return cls(**parts)  # type: ignore[arg-type]
+        return cls(**parts)

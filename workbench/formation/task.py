@@ -105,9 +105,7 @@ def _parts(config: ConvoyConfig) -> dict[str, dict[str, Any]]:
     }
 
 
-def _fill_grid(
-    grid: NDArray[np.void], lattice: NDArray[np.void], config: ConvoyConfig
-) -> None:
+def _fill_grid(grid: NDArray[np.void], lattice: NDArray[np.void], config: ConvoyConfig) -> None:
     """Write edges of tiles and levels of wheels into a (1,) GRID and a (1,) LATTICE."""
     for name, value in lattice_fields(config.grids()).items():
         lattice[name][0] = value

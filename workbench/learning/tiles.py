@@ -28,8 +28,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.compiled import compiled
 
-
-MAX_TILES = 64  # per dimension; how many of them, and tilings, the records of the loop have room for
+MAX_TILES = (
+    64  # per dimension; how many of them, and tilings, the records of the loop have room for
+)
 MAX_TILINGS = 8
 
 

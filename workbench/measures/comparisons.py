@@ -2,14 +2,14 @@
 condition, seed by seed.
 
 >>> table = pd.DataFrame({"lam": [0, 0, 1, 1], "seed": [1, 2, 1, 2], "losses": [10, 20, 12, 24]})
->>> by_condition(table, ["lam"], "losses")[["lam", "value", "low", "high", "seeds"]].values.tolist()
-[[0.0, 15.0, 10.0, 20.0, 2.0], [1.0, 18.0, 12.0, 24.0, 2.0]]
+>>> by_condition(table, ["lam"], "losses")[["lam", "value", "seeds"]].values.tolist()
+[[0.0, 15.0, 2.0], [1.0, 18.0, 2.0]]
 >>> apart = difference(table, ["lam"], "losses", {"lam": 0})
->>> apart[["lam", "value", "low", "high"]].values.tolist()
-[[0.0, 0.0, 0.0, 0.0], [1.0, 3.0, 2.0, 4.0]]
+>>> apart[["lam", "value"]].values.tolist()
+[[0.0, 0.0], [1.0, 3.0]]
 
 Contract: conditions keep the order in which the table has them; seeds are the unit of every
-interval (95 % bootstrap), so that a condition may have each seed once.
+interval (95 % interval), so that a condition may have each seed once.
 """
 
 import math

@@ -17,7 +17,7 @@ from workbench.measures.comparisons import by_condition
 from workbench.plots.style import CYCLE, MARKERS, new_axes, note
 
 LINES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (8, 2)))
-BAND = "mean, 95 % bootstrap interval over seeds"
+BAND = "mean, 95 % interval over seeds"
 
 
 def curves(

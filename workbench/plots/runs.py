@@ -209,7 +209,7 @@ def intervals_by_case(
             color=CYCLE[number],
             markersize=5,
             capsize=3,
-            label=f"{colours} {kind} (n = {part['seeds'].iloc[0]} seeds, 95 % bootstrap)",
+            label=f"{colours} {kind} (n = {part['seeds'].iloc[0]} seeds, 95 % interval)",
         )
     ax.set_yticks(range(len(cases)), cases)
     ax.set_ylim(len(cases) - 0.4, -0.65)

@@ -45,9 +45,7 @@ def transitions(config: ConvoyConfig, theta: Counts, steps: int) -> tuple[Counts
     (states, actions, states + 1), and their mean rewards, (states, actions); counted while a
     follower explores about a policy that it does not change.
     """
-    exploring = LearnerConfig(
-        alpha=1e-9, lam=0.0, epsilon=EXPLORING, epsilon_schedule="constant"
-    )
+    exploring = LearnerConfig(alpha=1e-9, lam=0.0, epsilon=EXPLORING, epsilon_schedule="constant")
     convoy = Convoy(
         replace(config, learner=exploring), [config.seed], steps=steps, policy=theta, threads=1
     )
@@ -107,7 +105,7 @@ def measure_bound(trial: Trial) -> dict[str, float]:
     for who, driver in drivers.items():
         for name, output in (("greedy", "greedy"), ("calm", "interpolated, trim")):
             options = OUTPUTS[output]
-            told = replace(world, **options)  # type: ignore[arg-type]
+            told = replace(world, **options)
             found |= {
                 f"{who}|{name}|{key}": value
                 for key, value in judged(driver, told, trial.minutes).items()

@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 
 from workbench.lab.statistics import paired
 from workbench.lab.study import Case, Study
+from workbench.measures.comparisons import said
+from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import curves
 from workbench.studies.conditions import BASE, COMPUTE_TIMES_S, ROBOT, with_learner
 
@@ -49,4 +51,34 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     return fig, effect
 
 
-STUDY = Study("buffer", __doc__, cases, plots={"buffer_effect": plot})
+def verdict(table: pd.DataFrame) -> Verdict:
+    """Decide L6: losses saved at the longest compute time with both tables, no cost at the
+    shortest.
+    """
+    effect = losses_saved(table).set_index(["table", "compute_time_ms"])
+    names = list(table["table"].unique())
+    longest = max(effect.index.get_level_values(1))
+    late = [effect.loc[(name, longest)] for name in names]
+    free = [effect.loc[(name, 0)] for name in names]
+    clear = []
+    for name in names:
+        times = [f"{ms} ms" for ms, line in effect.loc[name].iterrows() if line["low"] > 0]
+        clear.append(f"{name} {', '.join(times) or 'nowhere'}")
+    because = (
+        f"losses saved at {longest} ms: "
+        + "; ".join(f"{name} {said(line)}" for name, line in zip(names, late, strict=True))
+        + ". At 0 ms: "
+        + "; ".join(said(line) for line in free)
+        + f". Clearly saved: {'; '.join(clear)}"
+    )
+    fails = (
+        f"no clear saving with either table when an update takes {longest} ms; then none with one "
+        "of them, or a clear cost where updates take no time"
+    )
+    claim = "The update buffer greatly improves learning efficiency: there is no blind time."
+    saved = [bool(line["low"] > 0) for line in late]
+    parts = (any(saved), all(saved), *(bool(line["high"] >= 0) for line in free))
+    return Verdict("L6", claim, ruling(*parts), because, fails)
+
+
+STUDY = Study("buffer", __doc__, cases, plots={"buffer_effect": plot}, verdicts={"L6": verdict})

@@ -2,8 +2,8 @@
 restlessness, of one frozen drive after the other.
 
 All drives of a trial are on the same unseen track. The first minute, in which a trim finds its
-place, does not count. Errors are true ones, in mm and degrees; turning is the RMS turning rate above
-1 Hz in °/s, mean over the followers.
+place, does not count. Errors are true ones, in mm and degrees; turning is the RMS turning rate
+above 1 Hz in °/s, mean over the followers.
 
 >>> config = ConvoyConfig(followers=1, drive="rolling")
 >>> drive = judged(CarrotPI(), config, minutes=2.0)
@@ -12,8 +12,8 @@ place, does not count. Errors are true ones, in mm and degrees; turning is the R
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,7 @@ SETTLING_S = 60.0
 ELSEWHERE = 5000  # added to the seed: tracks and noise on which gains are tuned, and nothing judged
 NOISES = {"none": (0.0, 0.0), "1 mm, 1°": (1e-3, 1.0), "2 mm, 2°": (2e-3, 2.0)}
 # how a table drives: output, trim, filter
-OUTPUTS = {
+OUTPUTS: dict[str, dict[str, Any]] = {
     "greedy": {"output": "greedy", "trim": 0.0},
     "greedy, trim": {"output": "greedy", "trim": 0.01},
     "interpolated": {"output": "interpolated", "trim": 0.0},
@@ -67,7 +67,7 @@ def measure_calm(trial: Trial) -> dict[str, float]:
     """
     config = replace(trial.config, seed=trial.config.seed + UNSEEN)
     found: dict[str, float] = {}
-    drives: dict[tuple[str, str, str], tuple[Controller, Mapping[str, object]]] = {}
+    drives: dict[tuple[str, str, str], tuple[Controller, dict[str, Any]]] = {}
     if trial.controller == "learner":
         run = learn(trial.config, steps=trial.steps, progress=False)
         found["learning_losses"] = float(run.summary["losses"])
@@ -82,7 +82,7 @@ def measure_calm(trial: Trial) -> dict[str, float]:
     for (output, noise, kept), (controller, options) in drives.items():
         main = output in ("interpolated, trim", "law") and (noise, kept) in LONG
         minutes = trial.minutes if main else max(trial.minutes / SHORT, 2.0)
-        world = replace(noisy(config, noise), filter=kept, **options)  # type: ignore[arg-type]
+        world = replace(noisy(config, noise), filter=kept, **options)
         numbers = judged(controller, world, minutes)
         found |= {f"{output}|{noise}|{kept}|{key}": value for key, value in numbers.items()}
     return found

@@ -97,7 +97,8 @@ def counts_do_not_matter(table: pd.DataFrame) -> Verdict:
         f"(half width of the middle metric tile), {MARGINS['bearing_std_deg']:g}°"
     )
     claim = "The absolute counts do not matter, as the learner adapts."
-    return Verdict("N5", claim, ruling(*same), words)
+    fails = "an interval of the share inside that leaves its margin; then one of an error"
+    return Verdict("N5", claim, ruling(*same), words, fails)
 
 
 def logarithmic_tiles(table: pd.DataFrame) -> Verdict:
@@ -120,7 +121,12 @@ def logarithmic_tiles(table: pd.DataFrame) -> Verdict:
         f"clearly larger errors with linear tiles: {sum(better)} of {len(better)}; linear minus "
         f"logarithmic, paired by seed: {words}"
     )
-    return Verdict("S3", claim, ruling(*better), because)
+    fails = (
+        "errors in distance of raw readings that are not clearly larger with linear tiles; then "
+        "those of the angle, or of the other route"
+    )
+    raw = [bool(lines[key]["low"] > 0) for key in lines if key[0] == "ir-raw, rms"]
+    return Verdict("S3", claim, ruling(*raw, *better), because, fails)
 
 
 STUDY = Study(

@@ -7,9 +7,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from workbench.arena.tracks import TrackConfig
+from workbench.lab.statistics import paired
 from workbench.lab.study import Case, Rows, Study
 from workbench.lab.trial import SECTIONS, Trial, measure_sections
-from workbench.measures.comparisons import by_condition, by_quantity
+from workbench.measures.comparisons import by_condition, by_quantity, said
+from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import curves
 from workbench.studies.conditions import BASE
 
@@ -66,7 +68,48 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     return fig, by_quantity(trials, ["track", "reset", "steps"], ["training_percent_4", "held_out"])
 
 
+def harm(table: pd.DataFrame) -> pd.DataFrame:
+    """Return, by track, how much less is trained in the held-out quarter with restarts (points),
+    and how many more losses per hour that costs there than with the manoeuvre; means over lengths,
+    paired by seed.
+    """
+    trials = held_out(table)
+    lines = []
+    for track, part in trials.groupby("track", sort=False):
+        means = part.groupby(["reset", "seed"])[["training_percent_4", "held_out"]].mean()
+        for value in ("training_percent_4", "held_out"):
+            apart = paired(means.loc["restart"][value], means.loc["manoeuvre"][value])
+            lines.append((track, value, *apart, part["seed"].nunique()))
+    return pd.DataFrame(lines, columns=["track", "measure", "value", "low", "high", "seeds"])
+
+
+def verdict(table: pd.DataFrame) -> Verdict:
+    """Decide X2: restarts cost losses where they keep followers from training, on either track."""
+    apart = harm(table).set_index(["measure", "track"])
+    costs, shares = apart.loc["held_out"], apart.loc["training_percent_4"]
+    because = (
+        "restarts minus manoeuvre; training in the held-out quarter, points: "
+        + ", ".join(f"{track} {said(line)}" for track, line in shares.iterrows())
+        + "; losses per hour there beyond those where it trained: "
+        + ", ".join(f"{track} {said(line)}" for track, line in costs.iterrows())
+    )
+    fails = (
+        "losses in the held-out quarter that are not clearly more with restarts on any track; then "
+        "on one of them, or as much training there"
+    )
+    claim = "Restarting the simulation after a loss leads to some overtraining of the same section."
+    harmed = [bool(low > 0) for low in costs["low"]]
+    parts = (any(harmed), all(harmed), *(bool(high < 0) for high in shares["high"]))
+    return Verdict("X2", claim, ruling(*parts), because, fails)
+
+
 ROWS = Rows(("section",), {(k,): f"{{}}_{k}" for k in range(1, SECTIONS + 1)})
 STUDY = Study(
-    "reset", __doc__, cases, function=measure_sections, rows=ROWS, plots={"reset_sections": plot}
+    "reset",
+    __doc__,
+    cases,
+    function=measure_sections,
+    rows=ROWS,
+    plots={"reset_sections": plot},
+    verdicts={"X2": verdict},
 )

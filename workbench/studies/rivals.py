@@ -148,7 +148,7 @@ def differences(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
             dots(part, "learner", xlabel=name, ax=ax, reference=0.0).set_title("", loc="left")
         line[0].set_ylabel(words)
     fig.suptitle(
-        f"difference from {REFERENCE}, paired by seed; mean, 95 % bootstrap interval, "
+        f"difference from {REFERENCE}, paired by seed; mean, 95 % interval, "
         f"n = {STUDY.seeds} seeds",
         fontsize=9,
     )
@@ -187,7 +187,8 @@ def verdict(table: pd.DataFrame) -> Verdict:
         "paper compares with none.)"
     )
     needed = rivals <= behind or rivals <= less_precise
-    return Verdict("rival learners", claim, ruling(needed), because)
+    fails = "a rival that neither loses clearly more nor is clearly less precise at its best α"
+    return Verdict("rival learners", claim, ruling(needed), because, fails)
 
 
 STUDY = Study(

@@ -35,7 +35,7 @@ def shift_table(runs: Mapping[str, Sequence[Run]]) -> pd.DataFrame:
     """Return one line per track and reward: mean bearing (deg) and share of visits right of the
     centre tile.
 
-    Both are over the last third of a run, means over seeds with 95 % bootstrap intervals.
+    Both are over the last third of a run, means over seeds with 95 % intervals.
     """
     lines = []
     for track in SHIFT_TRACKS:

@@ -184,7 +184,11 @@ def smoothed_path(table: pd.DataFrame) -> Verdict:
         "The path of the followers is a smoothed variant of the leader's, and learning improves it "
         "online."
     )
-    return Verdict("E6", claim, ruling(*parts), because)
+    fails = (
+        "a first follower whose path is not clearly smoother than the leader's; then one that "
+        "learning does not improve, or that is no smoother than a pulled rod's"
+    )
+    return Verdict("E6", claim, ruling(*parts), because, fails)
 
 
 def smooth_motion(table: pd.DataFrame) -> Verdict:
@@ -218,7 +222,11 @@ def smooth_motion(table: pd.DataFrame) -> Verdict:
         "A very juddering movement during the learning phase, which only smooths to a certain "
         "degree after convergence."
     )
-    return Verdict("E5", claim, ruling(*parts), because)
+    fails = (
+        "turning that does not clearly fall from learning to frozen; then motion that gets as calm "
+        "as the leader's, or jerk that does not fall"
+    )
+    return Verdict("E5", claim, ruling(*parts), because, fails)
 
 
 def without_collisions(table: pd.DataFrame) -> Verdict:
@@ -237,7 +245,8 @@ def without_collisions(table: pd.DataFrame) -> Verdict:
         "and reset keep robots apart, too. Looked for once per 0.1 s; four followers."
     )
     claim = "Up to four followers drive without collisions after learning."
-    return Verdict("M3", claim, ruling(touched == 0), because)
+    fails = "two robots that touch in any frozen drive after 10 000 updates"
+    return Verdict("M3", claim, ruling(touched == 0), because, fails)
 
 
 STUDY = Study(

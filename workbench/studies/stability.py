@@ -105,7 +105,14 @@ def verdict(table: pd.DataFrame) -> Verdict:
         "the line formation."
     )
     because = f"{'; '.join(words)}{rest}; n = {STUDY.seeds} seeds each."
-    return Verdict("E4", claim, ruling(*holds, *ordered.values()), because)
+    fails = (
+        "a last follower that is stable no later, and loses no more, than the first with the "
+        "paper's tiles; then the same with offset tilings, or the order in between"
+    )
+    first, *rest_of = (holds[k : k + 2] for k in range(0, len(holds), 2))
+    others = [one for pair in rest_of for one in pair]
+    parts = (all(first), *others, *ordered.values())
+    return Verdict("E4", claim, ruling(*parts), because, fails)
 
 
 STUDY = Study(

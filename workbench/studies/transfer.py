@@ -153,7 +153,11 @@ def learning_there(table: pd.DataFrame) -> Verdict:
         "smooth than in simulation."
     )
     because = "5×5/3×3 emulated, paired by seed. " + "; ".join(words)
-    return Verdict("E11", claim, ruling(*parts), because)
+    fails = (
+        "learning on the emulated robot that takes no clearly longer by the camera than the same "
+        "table simulated; then any other route or measure"
+    )
+    return Verdict("E11", claim, ruling(*parts), because, fails)
 
 
 def infrared_travels(table: pd.DataFrame) -> Verdict:
@@ -184,7 +188,11 @@ def infrared_travels(table: pd.DataFrame) -> Verdict:
         "possible for infrared too."
     )
     because = "emulated, nominal weights, both routes and tables. " + "; ".join(words)
-    return Verdict("E9", claim, ruling(*parts), because)
+    fails = (
+        "preprocessed real readings that fall into the model's tiles no more often than the worst "
+        "raw ones; then losses, errors above 1.5 × nominal or time outside, in time or late"
+    )
+    return Verdict("E9", claim, ruling(*parts), because, fails)
 
 
 STUDY = Study(

@@ -15,6 +15,7 @@ is NaN.
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,7 @@ NOISE_FACTORS = (0, 1, 2, 3, 4, 5)
 DELAYS = range(LONGEST_DELAY + 1)  # control periods
 PACES = (0.75, 1.0)  # of the leader's speed: what followers down the line are led at
 # what may be made of the same weights, see ``formation.output``
-CURES = {
+CURES: dict[str, dict[str, Any]] = {
     "none": {"output": "greedy", "trim": 0.0},
     "calm": {"output": "interpolated", "trim": 0.01},
 }
@@ -165,7 +166,7 @@ def measure_copies(trial: Trial) -> dict[str, float]:
         ("range", ranged[:1]),
     ):
         for cures, options in CURES.items():
-            steps = _followed(replace(judged, **options), weights, trial)  # type: ignore[arg-type]
+            steps = _followed(replace(judged, **options), weights, trial)
             for k in range(config.followers):
                 numbers = _errors(judged, steps, slice(k, k + 1))
                 result |= {f"{name}_{cures}_{key}_{k + 1}": n for key, n in numbers.items()}
@@ -275,7 +276,7 @@ def _learned(
     return convoy.tables(0)[0], np.array(lost)
 
 
-def _learned_in_turn(worlds: Iterable[ConvoyConfig], trial: Transfer) -> Table:
+def _learned_in_turn(worlds: Iterable[ConvoyConfig], trial: Trial) -> Table:
     """Return the tables after equal stretches of learning in STRETCHES worlds, a new track in
     each.
     """

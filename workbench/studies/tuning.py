@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -28,7 +29,7 @@ def cases() -> Sequence[Case]:
     for noise, kept in (("none", "none"), ("2 mm, 2°", "alpha-beta")):
         config = replace(noisy(BASE, noise), filter=kept)
         for gains in itertools.product(*GRID.values()):
-            named = dict(zip(GRID, gains, strict=True))
+            named: dict[str, Any] = dict(zip(GRID, gains, strict=True))
             cases.append(({"noise": noise} | named, Gains(config=config, minutes=10.0, **named)))
     return cases
 

@@ -68,7 +68,7 @@ UNSEEN = 1e6  # m
 SIDEWAYS = math.radians(50)  # bearing of what a side sensor sees best
 # spread of distances in m and bearings in rad, measured in the default arena: what a filter expects
 NOISE_TOLD = (2e-3, math.radians(2.0))
-# whole numbers of the trim of readings: parts of a logarithm, of the integral, and how it is shifted
+# whole numbers of the trim of readings: parts of a logarithm and of the integral, and its shift
 LOG_PARTS = 256
 TRIM_BITS = 15
 TRIM_SHIFT = 10
@@ -305,9 +305,10 @@ def trim_readings(task: Any, follower: Any, e_d: float, first: float, second: fl
         moved = int(output.trim) + task.infrared.trim_gain * error
         output.trim = float(min(max(moved, -limit), limit))
     factor = TRIM_ONE + TRIM_ONE - ((int(output.trim) + TRIM_UNIT) >> TRIM_SHIFT)
-    left = min((left * factor) >> TRIM_BITS, ADC)
-    right = min((right * factor) >> TRIM_BITS, ADC)
-    return float(left), float(right)
+    return (
+        float(min((left * factor) >> TRIM_BITS, int(ADC))),
+        float(min((right * factor) >> TRIM_BITS, int(ADC))),
+    )
 
 
 def trim_numbers(
