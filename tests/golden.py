@@ -140,6 +140,31 @@ def _configs():
         {"policy": OwnLaw(function=lambda d, b: (0.06 + 2 * (d - 0.15), 4 * b))},
     )
     cases["quantised carrot"] = (planar, greedy | {"policy": quantised_carrot(planar).theta})
+    # output and estimate
+    calm = replace(SETTINGS["recommended"], drive="rolling")
+    cases["calm"] = (calm, greedy | {"policy": quantised_carrot(calm).theta})
+    cases["calm, learning"] = (replace(calm, learn_by="output"), learn)
+    cases["calm, raw readings"] = (
+        replace(infrared, sensing="ir-raw", output="interpolated", learn_by="output"),
+        learn,
+    )
+    relative = replace(
+        calm,
+        actions="relative",
+        filter="alpha-beta",
+        prediction="both",
+        noise_distance_m=1e-3,
+        noise_bearing_rad=0.02,
+        body=BodyConfig(delay=2),
+    )
+    cases["relative, filtered, foreseen"] = (
+        relative,
+        greedy | {"policy": quantised_carrot(relative).theta},
+    )
+    cases["carrot, foreseen by camera"] = (
+        replace(planar, sensing="camera", prediction="both", body=BodyConfig(delay=3)),
+        greedy | {"policy": LAWS["carrot"]()},
+    )
     # rules, tilings, schedules, traces, buffer
     several = replace(SETTINGS["offset"], drive="planar")
     for rule in RULES:

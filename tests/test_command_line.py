@@ -128,7 +128,7 @@ def test_a_named_setting_is_where_a_run_starts_from(tmp_path, capsys):
     out = str(tmp_path / "run")
     assert main(["learn", *FAST, "--setting", "recommended", "--out", out]) == 0
     config = wb.load_run(out).config
-    assert (config.tilings, config.state_tiles, config.followers) == (4, (5, 5), 2)
+    assert (config.output, config.state_tiles, config.followers) == ("interpolated", (5, 3), 2)
     judged = main(["evaluate", out, "--minutes", "1"])
     assert judged == 0 and "rms_distance_mm" in capsys.readouterr().out
 

@@ -156,8 +156,8 @@ def test_two_kinds_of_delay_are_not_mixed():
     slow = replace(BASE, compute_time_s=0.04, learner=replace(BASE.learner, buffer=False))
     with pytest.raises(ValueError, match="body.delay = 1 with compute_time_s = 0.04 and no buffer"):
         replace(slow, body=BodyConfig(delay=1))
-    with pytest.raises(ValueError, match="BodyConfig.delay = 4; expected"):
-        BodyConfig(delay=4)
+    with pytest.raises(ValueError, match="BodyConfig.delay = 5; expected"):
+        BodyConfig(delay=5)
 
 
 def test_a_fleet_is_the_same_robots_whatever_the_seed_and_zero_those_of_the_run():

@@ -18,7 +18,7 @@ from workbench.lab.progress import Progress
 from workbench.lab.records import Recorder
 
 # about how many functions there are, of a plain configuration and of any other: for the bar alone
-FUNCTIONS = {True: 90, False: 150}
+FUNCTIONS = {True: 115, False: 180}
 
 
 class _Watch(event.Listener):

@@ -19,7 +19,8 @@ def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
     """Draw one row per training and one column per judging world, the later its commands the
     farther right.
 
-    Colour is the share of time inside the bounds, the number is how many losses there were.
+    Colour is the share of time inside the bounds, the number is how many losses there were, in
+    hundreds from 1 000 on.
 
     Args:
         table: lines of the study "transfer", of one route and one table.
@@ -36,7 +37,8 @@ def world_grid(table: pd.DataFrame, ax: Axes) -> Axes:
     ax.imshow(share, aspect="auto", norm=SHARES)
     for (row, column), count in np.ndenumerate(losses):
         ink = "black" if SHARES(share[row, column]) > 0.6 else "white"
-        ax.text(column, row, f"{count:.0f}", ha="center", va="center", fontsize=9, color=ink)
+        words = f"{count:.0f}" if count < 1000 else f"{count / 1000:.1f}k"
+        ax.text(column, row, words, ha="center", va="center", fontsize=8, color=ink)
     ax.set_yticks(range(len(trainings)), trainings)
     ax.set_xticks(
         range(len(worlds)), [f"{seed}\n{delay / 10:.1f}" for seed, delay in worlds.items()]
@@ -78,12 +80,15 @@ def agreement(table: pd.DataFrame, ax: Axes) -> Axes:
             linewidth=0.5,
             label=name,
         )
-    ax.set_yticks(
-        places, [f"{line.route}, {line.table}, {line.readings}" for line in table.itertuples()]
-    )
+    short = {"as recorded": "raw", "median of 5 rows": "median of 5"}
+    names = [
+        f"{line.route}, {line.table}\n{short.get(line.readings, line.readings)}"
+        for line in table.itertuples()
+    ]
+    ax.set_yticks(places, names, fontsize=8)
     ax.invert_yaxis()
     ax.set_xlabel("share of rows that lie inside the bounds for the model (a simulated wall)")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.2), ncols=4, columnspacing=1.0)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.16), ncols=4, columnspacing=1.0)
     note(
         ax,
         f"real e-puck2 · {int(table['model_inside'].min())} rows each · gains of the model fitted",

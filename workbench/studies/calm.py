@@ -60,6 +60,12 @@ def beside_law(table: pd.DataFrame, noise: str, kept: str) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=["setting", "measure", "value", "low", "high", "seeds"])
 
 
+TICKS = (
+    (0.001, 0.01, 0.1, 1, 10),
+    (0.2, 0.5, 1, 2),
+    (0.2, 0.5, 1, 2, 5),
+    (1, 2, 5, 10, 20),
+)
 PANELS = {
     "bias_mm": "bias in mm",
     "ripple_mm": "ripple in mm",
@@ -71,15 +77,17 @@ PANELS = {
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw bias, ripple and turning by output without noise, and of the tuned law."""
     of = drives(table)
-    clean = of[of["noise"] == "none"].replace({"setting": LEARNERS, "output": {"law": "carrot PI"}})
-    clean = clean.replace({"setting": {LAW: "tuned law"}})
+    clean = of[of["noise"] == "none"].replace({"setting": LEARNERS, "output": {"law": "(a law)"}})
+    clean = clean.replace({"setting": {LAW: "tuned carrot"}})
     fig = Figure(figsize=(12.0, 3.8), layout="constrained")
     axes = fig.subplots(1, 4, sharey=True)
     numbers = by_quantity(clean, ["output", "setting"], PANELS)
-    for ax, (value, words) in zip(axes, PANELS.items(), strict=True):
+    for ax, (value, words), ticks in zip(axes, PANELS.items(), TICKS, strict=True):
         lines = numbers[numbers["quantity"] == value]
         intervals_by_case(lines, "value", rows="output", colours="setting", lines={}, ax=ax)
         ax.set(xlabel=words, xscale="log")
+        ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        ax.minorticks_off()
         ax.get_legend().remove()
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return fig, numbers

@@ -8,8 +8,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from workbench.lab.study import Case, Rows, Study
-from workbench.measures.comparisons import by_quantity
-from workbench.plots.comparisons import curve_panels, one_note
+from workbench.measures.comparisons import by_condition, by_quantity
+from workbench.plots.comparisons import curves
+from workbench.plots.style import note
 from workbench.studies.conditions import (
     BASE,
     routes,
@@ -62,12 +63,26 @@ def losses_by_noise(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw time inside and errors against the factor on the noise."""
-    label, size = "noise ×, simulated", (9.6, 3.9)
-    fig = curve_panels(
-        _cased(table), "case", "noise", VALUES, xlabel=label, size=size, even=False, legends=(0,)
-    )
-    one_note(fig.axes)
+    """Draw losses and errors against the factor on the noise, a column per route."""
+    shown = {"losses": "losses in 10 min", "rms_distance_mm": "RMS distance error (mm)"}
+    routes_of = list(table["route"].unique())
+    fig = Figure(figsize=(9.6, 5.2), layout="constrained")
+    axes = fig.subplots(2, len(routes_of), sharex=True, sharey="row")
+    for line, (value, words) in zip(axes, shown.items(), strict=True):
+        lines = by_condition(table, ["route", "training", "noise"], value)
+        for ax, route in zip(line, routes_of, strict=True):
+            part = lines[lines["route"] == route]
+            curves(part, "noise", by="training", xlabel="", ylabel="", ax=ax, legend=False)
+            note(ax, "")
+            if value == "losses":
+                ax.set_yscale("symlog", linthresh=1)
+                ax.set_ylim(bottom=0)
+                ax.set_title(route, loc="left", fontsize=9)
+        line[0].set_ylabel(words)
+    for ax in axes[-1]:
+        ax.set_xlabel("noise ×, simulated")
+    handles = axes[0, 0].get_legend_handles_labels()
+    fig.legend(*handles, loc="outside lower center", ncols=2, title="weights learned with noise")
     return fig, by_noise(table)
 
 

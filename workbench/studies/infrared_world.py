@@ -11,7 +11,7 @@ from workbench.formation.senses.table import INFRARED
 from workbench.lab.study import Case, Study
 from workbench.measures.comparisons import by_condition, difference, said
 from workbench.measures.verdicts import Verdict, ruling
-from workbench.plots.comparisons import dots
+from workbench.plots.comparisons import beside, dots
 from workbench.studies.conditions import with_infrared
 from workbench.studies.infrared_trials import measure_infrared
 
@@ -53,23 +53,31 @@ ASSUMED = {"world": "as assumed"}
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw time inside, and errors where somebody follows, world by world."""
-    rest = table[~table["world"].isin(HOPELESS)]
+    """Draw time outside, and errors where somebody follows, world by world."""
+    away = table.assign(outside=100 * (1 - table["share_inside_last_third"]))
+    rest = away[~away["world"].isin(HOPELESS)]
     words = {
-        "share_inside_last_third": "share inside, last third",
+        "outside": "time outside, last third (%)",
         "rms_distance_mm": "RMS distance error (mm)",
     }
-    lines = {
-        value: by_condition(part, ["route", "world"], value)
-        for value, part in zip(words, (table, rest), strict=True)
-    }
+    lines = {value: by_condition(rest, ["route", "world"], value) for value in words}
     fig = Figure(figsize=(9.6, 6.6), layout="constrained")
-    grid = fig.subplots(2, 2)
+    grid = fig.subplots(2, 2, sharex="col")
     for number, (axes, route) in enumerate(zip(grid, ("ir-metric", "ir-raw"), strict=True)):
         for ax, (value, name) in zip(axes, words.items(), strict=True):
             part = lines[value][lines[value]["route"] == route]
-            dots(part, "world", xlabel=f"{route}: {name}", ax=ax, number=number)
-            ax.set_xlim((-0.03, 1.05) if value.startswith("share") else (0, 16))
+            dots(part, "world", xlabel=name, ax=ax, number=number)
+            ax.set_xlim(left=0)
+        axes[0].set_title(route, loc="left", fontsize=9)
+        axes[1].set_title("", loc="left")
+        beside(axes)
+    gone = away[away["world"].isin(HOPELESS)]["share_inside_last_third"].max()
+    lost = " and ".join(HOPELESS)
+    fig.supxlabel(
+        f"mean, 95 % interval over seeds, n = {STUDY.seeds}; not drawn: {lost}, inside for at most "
+        f"{100 * gone:.0f} %",
+        fontsize=8,
+    )
     return fig, pd.concat(lines, names=["quantity"]).reset_index(level=0)
 
 

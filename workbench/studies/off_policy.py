@@ -33,7 +33,7 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
         ax.plot(beside, part["truth"], "s", markersize=4, label="what the policy did")
         words = {"xlabel": f"seed ({route}, simulated)", "ylabel": "mean discounted return"}
         ax.set(**words, xticks=part["seed"])
-    axes[0].legend()
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig, table
 
 

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from workbench.lab.study import Case, Study
 from workbench.learning.config import PRESETS
 from workbench.measures.comparisons import by_condition, by_quantity
-from workbench.plots.comparisons import beside, dots
 from workbench.studies.conditions import BASE, LOSSES_AND_GREEDY, with_learner
 
 
@@ -58,19 +58,28 @@ DEFAULTS = {
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw losses and errors, one block per parameter, its default marked."""
+    """Draw losses and errors, a column per parameter, its default marked."""
     rows = {factor: table[table["factor"] == factor] for factor in SYMBOLS}
-    heights = [part["level"].nunique() for part in rows.values()]
-    fig = Figure(figsize=(10.8, 13.0), layout="constrained")
-    grid = fig.subplots(6, 3, height_ratios=heights, sharex="col")
-    for line, (factor, part) in zip(grid, rows.items(), strict=True):
-        for ax, (value, words) in zip(line, LOSSES_AND_GREEDY.items(), strict=True):
+    widths = [part["level"].nunique() for part in rows.values()]
+    fig = Figure(figsize=(12.0, 6.4), layout="constrained")
+    grid = fig.subplots(3, 6, width_ratios=widths, sharey="row", sharex="col")
+    for line, (value, words) in zip(grid, LOSSES_AND_GREEDY.items(), strict=True):
+        for ax, (factor, part) in zip(line, rows.items(), strict=True):
             summary = by_condition(part, ["level"], value)
+            at = range(len(summary))
+            spread = [summary["value"] - summary["low"], summary["high"] - summary["value"]]
+            ax.errorbar(
+                at, summary["value"], np.maximum(spread, 0), fmt="o", markersize=4, capsize=2.5
+            )
             default = summary.set_index("level").loc[DEFAULTS[factor], "value"]
-            label = words if factor == "epsilon" else ""
-            dots(summary, "level", xlabel=label, ax=ax, reference=default)
-        line[0].set_ylabel(SYMBOLS[factor], rotation=0, fontsize=14, labelpad=14)
-        beside(line)
+            ax.axhline(default, color="#777777", linestyle=":", linewidth=1)
+            names = [name.replace(", ", ",\n") for name in summary["level"]]
+            ax.set_xticks(at, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=8)
+            ax.set_xlim(-0.6, len(summary) - 0.4)
+        line[0].set_ylabel(words.replace(" error", "\nerror").replace(" learning", "\nlearning"))
+    for ax, symbol in zip(grid[0], SYMBOLS.values(), strict=True):
+        ax.set_title(symbol, fontsize=13)
+    fig.supxlabel("mean, 95 % interval over ten seeds; dotted: with all defaults", fontsize=9)
     return fig, by_quantity(table, ["factor", "level"], LOSSES_AND_GREEDY)
 
 

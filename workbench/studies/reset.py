@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -10,9 +11,9 @@ from workbench.arena.tracks import TrackConfig
 from workbench.lab.statistics import paired
 from workbench.lab.study import Case, Rows, Study
 from workbench.lab.trial import SECTIONS, Trial, measure_sections
-from workbench.measures.comparisons import by_condition, by_quantity, said
+from workbench.measures.comparisons import by_condition, by_quantity, difference, said
 from workbench.measures.verdicts import Verdict, ruling
-from workbench.plots.comparisons import curves
+from workbench.plots.comparisons import curves, one_note
 from workbench.studies.conditions import BASE
 
 
@@ -52,19 +53,35 @@ def held_out(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
-    """Draw how much is trained in the held-out quarter, and what that costs on the eight."""
+    """Draw how much is trained in the held-out quarter, and what restarts cost there beside the
+    manoeuvre, paired by seed.
+    """
     trials = held_out(table)
     trials["case"] = trials["track"] + ", " + trials["reset"]
     seen = by_condition(trials, ["case", "steps"], "training_percent_4")
-    lost = by_condition(trials[trials["track"] == "eight"], ["case", "steps"], "held_out")
-    fig = Figure(figsize=(10.4, 3.8), layout="constrained")
+    keys = ["track", "steps", "reset"]
+    apart = difference(trials, keys, "held_out", {"reset": "manoeuvre"})
+    apart = apart[apart["reset"] == "restart"]
+    fig = Figure(figsize=(10.4, 4.2), layout="constrained")
     left, right = fig.subplots(1, 2)
     share = "share of training in the held-out quarter in %"
-    rate = "greedy losses per follower-hour,\nquarter 4 − quarter 1"
+    rate = "losses per follower-hour in quarter 4\nbeyond quarter 1, restart − manoeuvre"
     label = "learning updates"
-    curves(seen, "steps", by="case", xlabel=label, ylabel=share, ax=left, even=True)
-    curves(lost, "steps", by="case", xlabel=label, ylabel=rate, ax=right, even=True)
+    one: dict[str, Any] = {"ax": left, "even": True, "legend": False}
+    curves(seen, "steps", by="case", xlabel=label, ylabel=share, **one)
+    two = one | {"ax": right}
+    curves(apart, "steps", by="track", xlabel=label, ylabel=rate, **two)
     left.axhline(25, color="#777777", linestyle=":", linewidth=0.8)
+    right.axhline(0, color="#777777", linestyle=":", linewidth=0.8)
+    below: dict[str, Any] = {
+        "loc": "upper center",
+        "bbox_to_anchor": (0.5, -0.16),
+        "ncols": 2,
+        "fontsize": 8,
+    }
+    left.legend(**below)
+    right.legend(**below)
+    one_note([left, right])
     return fig, by_quantity(trials, ["track", "reset", "steps"], ["training_percent_4", "held_out"])
 
 

@@ -133,6 +133,32 @@ def per_block(runs: Sequence[Run]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
+def accumulated(runs: Sequence[Run]) -> pd.DataFrame:
+    """Return one line per run, follower and block: losses, and visits outside the best 3×3 block of
+    the run in percent of all of the follower's visits, both from the start on.
+    """
+    parts = []
+    for run in runs:
+        lost = run.records["sums"][:, :, SUMS.index("losses")].cumsum(axis=0)
+        visits = run.records["visits"].reshape(*lost.shape, *run.config.state_tiles)
+        row, column = run.summary["best_3x3"]
+        whole = visits.sum(axis=(2, 3))
+        inside = visits[:, :, row : row + 3, column : column + 3].sum(axis=(2, 3))
+        outside = 100 * (whole - inside).cumsum(axis=0) / np.maximum(whole.sum(axis=0), 1)
+        for k in range(lost.shape[1]):
+            columns = {
+                "drive": run.config.drive,
+                "seed": run.config.seed,
+                "follower": k + 1,
+                "block": np.arange(len(lost)),
+                "updates": np.append(run.records["starts"][1:], run.length),
+                "losses": lost[:, k],
+                "percent_outside": outside[:, k],
+            }
+            parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
 def smoothed(blocks: pd.DataFrame, columns: Sequence[str], *, width: int) -> pd.DataFrame:
     """Return the blocks with a running mean over ``width`` blocks (fewer at the start) of some
     columns, run by run.

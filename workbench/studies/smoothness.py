@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -76,7 +77,8 @@ def over_followers(table: pd.DataFrame, value: str) -> pd.Series:
 def path(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw how the first follower's path gets smoother with learning."""
     runs = first_follower(table)
-    fig = Figure(figsize=(11.0, 4.2), layout="constrained")
+    fig = Figure(figsize=(11.4, 4.4), layout="constrained")
+    fig.set_layout_engine("constrained", w_pad=0.12)  # inches: room for the axes' words
     parts = []
     for ax, (value, words) in zip(fig.subplots(1, 3), PATH.items(), strict=True):
         summary = by_condition(runs, ["setting", "updates"], value)
@@ -93,7 +95,7 @@ def path(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
             legend=False,
         )
         ax.axhline(1.0, color="#777777", linestyle=":", linewidth=0.9)
-        ax.set_xticks(range(5), STOPS)
+        ax.set_xticks(range(5), ["none", *STOPS[1:]])
         parts.append(summary.assign(quantity=value))
     handles = fig.axes[0].get_legend_handles_labels()
     fig.legend(*handles, loc="outside lower center", ncols=2)
@@ -132,23 +134,33 @@ def chatter(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
                     rows.append((value, case, updates, *interval(numbers), len(numbers)))
     columns = ["quantity", "case", "updates", "value", "low", "high", "seeds"]
     lines = pd.DataFrame(rows, columns=columns)
-    fig = Figure(figsize=(11.4, 4.4), layout="constrained")
-    axes = fig.subplots(1, 3)
-    for ax, (value, words) in zip(axes, CHATTER.items(), strict=True):
-        part, label = lines[lines["quantity"] == value], "learning updates"
-        curves(part, "updates", by="case", xlabel=label, ylabel=words, ax=ax, even=True)
-        if value != "switches_per_m":
-            ax.axhline(
-                per_robot(table, value)[0].mean(),
-                color="#777777",
-                linestyle=(0, (8, 3)),
-                linewidth=1.2,
-                label="the leader's",
-            )
-        ax.set_xticks(range(5), STOPS)
-        ax.get_legend().remove()
-    axes[1].set_ylim(-22, -12)
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    stops = sorted(lines["updates"].unique())
+    fig = Figure(figsize=(10.4, 7.2), layout="constrained")
+    axes = fig.subplots(2, 3, sharex=True, sharey="col")
+    for row, when in zip(axes, ("while learning", "frozen"), strict=True):
+        part = lines[lines["case"].str.endswith(when)]
+        part = part.assign(setting=part["case"].str.removesuffix(f", {when}"))
+        for ax, (value, words) in zip(row, CHATTER.items(), strict=True):
+            of = part[part["quantity"] == value]
+            one: dict[str, Any] = {"ax": ax, "even": False, "legend": False}
+            places = of.assign(updates=of["updates"].map(stops.index))
+            curves(places, "updates", by="setting", xlabel="", ylabel=words, **one)
+            if value != "switches_per_m":
+                calm = per_robot(table, value)[0].mean()
+                ax.axhline(
+                    calm,
+                    color="#777777",
+                    linestyle=(0, (8, 3)),
+                    linewidth=1.2,
+                    label="the leader's",
+                )
+            ax.set_xticks(range(5), STOPS)
+            ax.set_title(when, loc="left", fontsize=9)
+    for ax in axes[1]:
+        ax.set_xlabel("learning updates")
+    axes[0, 1].set_ylim(-22, -12)
+    handles = axes[1, 0].get_legend_handles_labels()
+    fig.legend(*handles, loc="outside lower center", ncols=3, title="mean, 95 % interval, 10 seeds")
     return fig, lines
 
 

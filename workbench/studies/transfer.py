@@ -120,7 +120,7 @@ def on_robot_against_simulation(table: pd.DataFrame, column: str, simulated: str
 def worlds(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw time inside and losses, world by world and training by training."""
     drives = judged(table)
-    fig = Figure(figsize=(9.6, 7.6), layout="constrained")
+    fig = Figure(figsize=(11.0, 8.4), layout="constrained")
     axes = fig.subplots(3, 2)
     groups = drives.groupby(["route", "table"], sort=False)
     for ax, (_, part) in zip(axes.flat, groups, strict=True):
