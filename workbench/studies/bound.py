@@ -115,6 +115,7 @@ def measure_bound(trial: Trial) -> dict[str, float]:
     return found
 
 
+TICKS = ((0.001, 0.01, 0.1), (0.5, 1, 2, 5, 10, 20), (1, 2, 5, 10, 20, 50))
 PANELS = {
     "cost": "− mean reward per step",
     "rms_distance_mm": "RMS distance error in mm",
@@ -141,10 +142,14 @@ def short_of(table: pd.DataFrame) -> pd.DataFrame:
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw cost, error and turning of the three tables, greedy and calm."""
     rows = drives(table)
-    name = rows["setting"] + ", " + rows["driver"] + ", " + rows["output"]
+    driver = rows["driver"].replace("quantised carrot", "carrot")
+    name = rows["setting"] + ", " + driver + ", " + rows["output"]
     fig = dot_panels(rows.assign(name=name), "name", PANELS, size=(11.4, 5.2))
-    for ax in fig.axes:
+    fig.set_layout_engine("constrained", w_pad=0.2)
+    for ax, ticks in zip(fig.axes, TICKS, strict=True):
         ax.set_xscale("log")
+        ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        ax.minorticks_off()
     return fig, short_of(table)
 
 

@@ -163,7 +163,6 @@ def copied_over_own(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     axes[0].set_yticks(range(len(rows)), rows)
     axes[0].set_ylim(len(rows) - 0.5, -0.5)
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    note(axes[0], "")
     lines = [of_others(table, "copied", cures).assign(cures=cures) for cures in CURED]
     return fig, pd.concat(lines)
 

@@ -14,7 +14,6 @@ from workbench.lab.trial import Trial
 from workbench.measures.comparisons import by_condition, by_quantity
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import curves
-from workbench.plots.style import note
 from workbench.studies.conditions import routes, travels
 from workbench.studies.published import load_study
 from workbench.studies.transfer import judged
@@ -91,7 +90,9 @@ def losses_by_delay(table: pd.DataFrame) -> pd.DataFrame:
 WORDS = {"none": "no prediction", "own": "own motion", "both": "both robots' motion"}
 
 
-def _panels(table: pd.DataFrame, value: str, words: str, log: bool) -> tuple[Figure, pd.DataFrame]:
+def _panels(
+    table: pd.DataFrame, value: str, words: str, counts: bool
+) -> tuple[Figure, pd.DataFrame]:
     """Draw a quantity against how late commands come: a row a table, a column a route, a line a
     prediction.
     """
@@ -106,10 +107,15 @@ def _panels(table: pd.DataFrame, value: str, words: str, log: bool) -> tuple[Fig
             part = lines[(lines["route"] == way) & (lines["table"] == name)]
             curves(part, "late", by="who", xlabel="", ylabel="", ax=ax, even=True, legend=False)
             ax.set_title(f"{way}, {name}", fontsize=9, loc="left")
-            if log:
+            if counts:
                 ax.set_yscale("symlog", linthresh=1)
-                ax.set_ylim(bottom=0)
-            note(ax, "")
+                ax.set(ylim=(0, 2000), yticks=(0, 1, 10, 100, 1000))
+                ax.set_yticklabels(["0", "1", "10", "100", "1000"])
+            else:
+                ax.set_yscale("log")
+                ax.set(ylim=(0.8, 60), yticks=(1, 2, 5, 10, 20, 50))
+                ax.set_yticklabels(["1", "2", "5", "10", "20", "50"])
+            ax.minorticks_off()
     for ax in axes[-1]:
         ax.set_xlabel("commands late by (s), emulated")
     for ax in axes[:, 0]:
@@ -121,12 +127,12 @@ def _panels(table: pd.DataFrame, value: str, words: str, log: bool) -> tuple[Fig
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw losses in 30 minutes of four followers against how late commands come."""
-    return _panels(table, "losses", "losses per world", log=True)
+    return _panels(table, "losses", "losses per world", counts=True)
 
 
 def plot_errors(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw the errors while inside, over the nominal ones, against how late commands come."""
-    return _panels(table, "degradation", "RMS error / nominal", log=False)
+    return _panels(table, "degradation", "RMS error / nominal", counts=False)
 
 
 # our own bars for late commands with prediction, set before the study ran

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from workbench.lab.study import Case, Rows, Study
 from workbench.measures.comparisons import by_condition, by_quantity
 from workbench.plots.comparisons import curves
-from workbench.plots.style import note
 from workbench.studies.conditions import (
     BASE,
     routes,
@@ -73,11 +72,12 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
         for ax, route in zip(line, routes_of, strict=True):
             part = lines[lines["route"] == route]
             curves(part, "noise", by="training", xlabel="", ylabel="", ax=ax, legend=False)
-            note(ax, "")
+            ax.set_title(route if value == "losses" else "", loc="left", fontsize=9)
             if value == "losses":
                 ax.set_yscale("symlog", linthresh=1)
-                ax.set_ylim(bottom=0)
-                ax.set_title(route, loc="left", fontsize=9)
+                ax.set(ylim=(0, 200), yticks=(0, 1, 10, 100))
+                ax.set_yticklabels(["0", "1", "10", "100"])
+                ax.minorticks_off()
         line[0].set_ylabel(words)
     for ax in axes[-1]:
         ax.set_xlabel("noise ×, simulated")

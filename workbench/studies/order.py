@@ -80,9 +80,10 @@ def excess(table: pd.DataFrame) -> pd.DataFrame:
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw losses while learning by condition and place in line."""
     lines = losses(table)
-    names = lines["condition"] + ", " + lines["follower"].map(lambda k: f"follower {int(k)}")
+    names = lines["condition"] + ": " + lines["follower"].map(lambda k: str(int(k)))
     fig = Figure(figsize=(7.0, 4.4), layout="constrained")
-    label = "losses while learning, 100 000 updates each"
+    fig.set_layout_engine("constrained", w_pad=0.15)  # inches: room for the longest name
+    label = "losses of a follower (its place in line) in 100 000 updates"
     ax = dots(lines.assign(name=names), "name", xlabel=label, ax=fig.subplots())
     ax.set_xlim(left=0)
     return fig, lines
