@@ -287,11 +287,22 @@ def emulate(protocol: str, port: int, rate: float, seconds: float) -> Result:
 @_option("--record", type=PLACE, help="Write a recording to this .csv.")
 @_option("--out", type=PLACE, help="Folder to keep the weights in, where it learns.")
 @click.option("--real", is_flag=True, help="The recording is of a real robot.")
-def drive(robot: str, weights: str, **kinds: Any) -> Result:
-    """Let a run's follower drive a robot."""
+@_option("--hello", type=PLACE, help="Report of `hello`, whose delay is to be foreseen.")
+@click.option(
+    "--set", "fields_set", multiple=True, metavar="NAME=VALUE", help="Any field, as JSON."
+)
+def drive(robot: str, weights: str, fields_set: Any, **kinds: Any) -> Result:
+    """Let a run's follower drive a robot, with the output and the eyes of its run; --set changes
+    them, as in --set prediction=both.
+    """
     from workbench.logs import sessions
 
-    return sessions.drive_robot(robot, weights, **kinds)
+    def change(config: Any) -> Any:
+        from workbench import fields
+
+        return _configure(fields.to_dict(config), {}, fields_set)
+
+    return sessions.drive_robot(robot, weights, change=change, **kinds)
 
 
 @verbs.command()

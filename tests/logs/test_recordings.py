@@ -14,12 +14,13 @@ import pandas as pd
 import pytest
 
 from workbench import paths
-from workbench.formation.config import SETTINGS
+from workbench.formation.body import BodyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower, drive
 from workbench.lab.runs import learn
 from workbench.lab.weights import load_weights
-from workbench.logs import importers
+from workbench.logs import importers, sessions
 from workbench.logs.recordings import POSES, Recorder, load_recording
 from workbench.logs.replay import RecordingEnded
 from workbench.logs.sessions import drive_robot, record_robot
@@ -374,3 +375,30 @@ def test_a_follower_that_learns_on_while_it_drives_keeps_its_weights(tmp_path):
         drive_robot("sim:", tmp_path / "run", seconds=1, learn=10, out=tmp_path / "more")
     with pytest.raises(ValueError, match="steps = -5"):
         drive_robot("sim:", tmp_path / "run", seconds=1, learn=-5)
+
+
+def test_a_drive_foresees_the_delay_that_hello_measured(tmp_path, monkeypatch):
+    """The same weights over a link that is late by 0.2 s, as given to them by a report."""
+    config = ConvoyConfig(
+        followers=1, drive="rolling", sensing="truth-relative", body=BodyConfig(delay=2)
+    )
+    learn(config, steps=3000, progress=False, out=tmp_path / "run")
+    report = tmp_path / "hello.json"
+    report.write_text(json.dumps({"delay_s": 0.2}))
+    seen = []
+    real = sessions.SoloFollower
+
+    def noted(config, *arguments, **options):
+        seen.append(config)
+        return real(config, *arguments, **options)
+
+    monkeypatch.setattr(sessions, "SoloFollower", noted)
+    drive_robot("sim:", tmp_path / "run", seconds=20, hello=report)
+    drive_robot(
+        "sim:", tmp_path / "run", seconds=2, change=lambda c: replace(c, output="interpolated")
+    )
+    assert (seen[0].prediction, seen[0].late_s) == ("both", 0.2)
+    assert seen[1].output == "interpolated" and seen[1].prediction == "none"
+    report.write_text("[]")
+    with pytest.raises(ValueError, match="holds no delay_s; expected a report of"):
+        drive_robot("sim:", tmp_path / "run", seconds=1, hello=report)

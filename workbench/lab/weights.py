@@ -170,6 +170,7 @@ def _meaning(policy: Policy) -> dict[str, Any]:
             strict=True,
         )
     }
+    about = {} if policy.kind == "wheels" else {"about": "the speed of the robot in front"}
     return {
         "sensing": str(policy.sensing),
         "tiles": tiles | {"tilings": int(policy.tilings)},
@@ -177,7 +178,8 @@ def _meaning(policy: Policy) -> dict[str, Any]:
             "unit": "steps/s",
             "left": policy.left_steps.tolist(),
             "right": policy.right_steps.tolist(),
-        },
+        }
+        | about,
         "tables": int(policy.theta.shape[0]),
     }
 

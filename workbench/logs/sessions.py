@@ -7,6 +7,7 @@ program is killed.
 
 import math
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
 from workbench.formation.senses.table import INFRARED
 from workbench.formation.solo import SoloFollower, drive
-from workbench.lab.storage import refuse_existing
+from workbench.lab.storage import read_json, refuse_existing
 from workbench.lab.weights import Weights, describe, load_weights, write_weights
 from workbench.logs.recordings import GROUPS, Recorder
 from workbench.robot.api import Robot
@@ -70,6 +71,8 @@ def drive_robot(
     record: str | Path | None = None,
     real: bool = False,
     out: str | Path | None = None,
+    hello: str | Path | None = None,
+    change: Callable[[ConvoyConfig], ConvoyConfig] | None = None,
 ) -> dict[str, Any]:
     """Let a learned follower drive the robot at a URL; return the report.
 
@@ -80,6 +83,8 @@ def drive_robot(
         learn: updates over which it learns on, 0 to follow greedily.
         record: CSV to write a recording to; real: whether to call it one of a real robot.
         out: folder for the weights as they are in the end, where it learns.
+        hello: report of ``hello`` (.json): the follower foresees the delay that was measured.
+        change: what to change in the run's configuration, its output for example.
 
     Raises:
         ValueError: the run's followers see with something that the robot does not have, or were
@@ -97,6 +102,9 @@ def drive_robot(
     learned = weights.learned(run)
     policy = replace(learned, theta=learned.theta[:1])
     config = replace(fields.from_dict(ConvoyConfig, weights.about["config"]), followers=1)
+    config = change(config) if change is not None else config
+    if hello is not None:
+        config = _foreseeing(config, Path(hello))
     options = {"config": config} if url.startswith("sim:") else {}
     with ExitStack() as stack:
         robot = open_robot(url, guardian=True, **options)
@@ -125,6 +133,18 @@ def drive_robot(
                     ),
                 )
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
+
+
+def _foreseeing(config: ConvoyConfig, report: Path) -> ConvoyConfig:
+    """Return a configuration that foresees the delay in a report of ``hello``."""
+    found = read_json(report)
+    if not isinstance(found, dict) or not isinstance(found.get("delay_s"), float):
+        raise ValueError(
+            f"{report} holds no delay_s; expected a report of `python -m workbench hello URL "
+            "--out FILE`"
+        )
+    told = replace(config.estimate, delay_s=found["delay_s"])
+    return replace(config, prediction="both", estimate=told)
 
 
 def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:

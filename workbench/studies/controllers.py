@@ -176,10 +176,11 @@ def verdict(table: pd.DataFrame) -> Verdict:
     """
     every = drives(table)
     clean = every[every["noise"] == "none"]
-    answer = beside_peers(table).set_index(["noise", "learner", "beside", "measure"])
+    answer = beside_peers(table)
+    tuned = answer[(answer["noise"] == "none") & (answer["beside"] == "carrot, tuned")]
     words, fine = {}, {}
     for who in LEARNERS:
-        pair = answer.loc[("none", who, "carrot, tuned")]
+        pair = tuned[tuned["learner"] == who].set_index("measure")
         fine[who] = pair["fine"].tolist()
         words[who] = ", ".join(
             f"{measure} {line.value:.2f} [{line.low:.2f}, {line.high:.2f}]"

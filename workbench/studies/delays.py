@@ -105,14 +105,14 @@ def _panels(
     for row, name in zip(axes, tables, strict=True):
         for ax, way in zip(row, ways, strict=True):
             part = lines[(lines["route"] == way) & (lines["table"] == name)]
-            curves(part, "late", by="who", xlabel="", ylabel="", ax=ax, even=True, legend=False)
+            how = {"even": True, "legend": False, "log": not counts}
+            curves(part, "late", by="who", xlabel="", ylabel="", ax=ax, **how)
             ax.set_title(f"{way}, {name}", fontsize=9, loc="left")
             if counts:
                 ax.set_yscale("symlog", linthresh=1)
                 ax.set(ylim=(0, 2000), yticks=(0, 1, 10, 100, 1000))
                 ax.set_yticklabels(["0", "1", "10", "100", "1000"])
             else:
-                ax.set_yscale("log")
                 ax.set(ylim=(0.8, 60), yticks=(1, 2, 5, 10, 20, 50))
                 ax.set_yticklabels(["1", "2", "5", "10", "20", "50"])
             ax.minorticks_off()

@@ -73,8 +73,8 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
             )
             default = summary.set_index("level").loc[DEFAULTS[factor], "value"]
             ax.axhline(default, color="#777777", linestyle=":", linewidth=1)
-            names = [name.replace(", ", ",\n") for name in summary["level"]]
-            ax.set_xticks(at, names, rotation=45, ha="right", rotation_mode="anchor", fontsize=8)
+            names = [name.replace(" → ", "→").replace(", ", " ") for name in summary["level"]]
+            ax.set_xticks(at, names, rotation=60, ha="right", rotation_mode="anchor", fontsize=7.5)
             ax.set_xlim(-0.6, len(summary) - 0.4)
         line[0].set_ylabel(words.replace(" error", "\nerror").replace(" learning", "\nlearning"))
     for ax, symbol in zip(grid[0], SYMBOLS.values(), strict=True):
