@@ -7,7 +7,7 @@ import pytest
 from workbench import paths
 from workbench.studies import delays, transfer
 from workbench.studies.published import load_study
-from workbench.studies.replication import FILE, card, card_text
+from workbench.studies.replication import FILE, card, card_text, short_rows
 from workbench.studies.tables import STUDIES
 
 
@@ -171,5 +171,7 @@ def test_the_replication_card_says_what_the_tables_say():
     table = card()
     assert FILE == paths.NOTEBOOKS / "REPLICATION.md"
     assert FILE.read_text(encoding="utf-8") == card_text()
+    readme = (paths.ROOT / "README.md").read_text(encoding="utf-8")
+    assert "\n".join(short_rows()) in readme
     assert len(table) == len(CLAIMS) and table["ident"].is_unique
     assert (table["n"] >= 10).all()

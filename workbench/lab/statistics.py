@@ -67,7 +67,9 @@ def _mean_interval(sample: NDArray[np.float64], level: float) -> tuple[float, fl
     mean = float(sample.mean())
     error = float(sample.std(ddof=1)) / math.sqrt(n)
     far = float(stats.t.ppf((1 + level) / 2, n - 1))
-    bend = float(stats.skew(sample)) / math.sqrt(n)
+    apart = sample - mean
+    skewness = float(np.mean(apart**3)) / float(np.mean(apart**2)) ** 1.5
+    bend = skewness / math.sqrt(n)
     return mean, mean - error * _unbent(far, bend), mean - error * _unbent(-far, bend)
 
 

@@ -13,6 +13,22 @@ from workbench.studies.tables import STUDIES, decide
 FILE = paths.NOTEBOOKS / "REPLICATION.md"
 # claims in the order of the paper; those of no number are ours
 _ORDER = "E1 L6 X2 E2 S3 N5 M3 E3 E4 E5 E6 E7 E8 E9 E10 E11".split()
+_NOTEBOOKS = {  # study → where it is shown
+    "recommended": "03, 12",
+    "buffer": "03",
+    "reset": "03",
+    "pattern": "04",
+    "infrared-world": "05",
+    "copies": "07",
+    "delays": "08",
+    "transfer": "08",
+    "smoothness": "09",
+    "stability": "09",
+    "controllers": "10",
+    "rivals": "11",
+    "calm": "12",
+    "drives": "01",
+}
 _BEGIN = """# Replication card
 
 What became of the paper's claims, from the tables in `data/studies/`. *Supported*, *mostly*,
@@ -52,6 +68,14 @@ def card() -> pd.DataFrame:
 def _rank(ident: str) -> int:
     numbers = [_ORDER.index(one) for one in re.findall(r"\b[A-Z]\d+", ident) if one in _ORDER]
     return min(numbers, default=len(_ORDER))
+
+
+def short_rows() -> list[str]:
+    """Return a line of Markdown per claim, as the README has them: claim, verdict, notebook."""
+    return [
+        f"| {row.ident}: {row.claim} | **{row.verdict}** | {_NOTEBOOKS.get(row.study, '')} |"
+        for row in card().itertuples()
+    ]
 
 
 def card_text() -> str:
