@@ -1,13 +1,27 @@
 # Everything sets itself up in .venv; nothing but Python (3.11 to 3.13) and make is needed.
-#   make figures   the experiment, every notebook, figures/        make test   all checks
-#   make studies   every study (data/studies/), then figures       make check-figures   what would change, and by how much
-#   make lab       JupyterLab, first notebook                     make clean  remove .venv and cached runs
+#   make lab       JupyterLab, first notebook                     make test   all checks
+#   make figures   the experiment, every notebook, figures/       make check-figures   what would change, and by how much
+#   make studies   every study (data/studies/), then figures
+#   make clean     remove caches                                  make distclean   remove .venv too, and runs/ after a yes
+# make lab PYTHON=python3.12 takes another Python; LAB_ARGS="--no-browser --port=9000" goes to JupyterLab.
 
 PYTHON ?= python3
+LAB_ARGS ?=
 BIN := .venv/bin
 READY := .venv/.ready
+ROOT_ARGS := $(shell [ "$$(id -u)" = 0 ] && echo --allow-root)  # in a container
 
-.PHONY: figures studies check-figures test lab clean
+define CHECK
+import sys
+found = sys.version_info[:2]
+if not (3, 11) <= found <= (3, 13):
+    words = "needs Python 3.11 to 3.13, $(PYTHON) is %d.%d; for example: make lab PYTHON=python3.12"
+    sys.exit(words % found)
+print("%d.%d" % found)
+endef
+export CHECK
+
+.PHONY: figures studies check-figures test lab clean distclean
 
 figures: $(READY)
 	$(BIN)/python -m workbench figures
@@ -26,12 +40,23 @@ test: $(READY)
 	$(BIN)/python -W error -m pytest -n 2 --dist worksteal
 
 lab: $(READY)
-	$(BIN)/jupyter lab --notebook-dir=. notebooks/00_start_here.ipynb
+	$(BIN)/jupyter lab $(ROOT_ARGS) --notebook-dir=. $(LAB_ARGS) notebooks/00_start_here.ipynb
 
+# a .venv of another Python is begun anew
 $(READY): environment.txt pyproject.toml
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r environment.txt
-	touch $(READY)
+	@command -v $(PYTHON) > /dev/null || { echo "no $(PYTHON) here; needs Python 3.11 to 3.13: make lab PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -c "$$CHECK" > /dev/null
+	@want=$$($(PYTHON) -c "$$CHECK"); have=$$($(BIN)/python -c "$$CHECK" 2> /dev/null || true); \
+	[ "$$want" = "$$have" ] && clear= || clear=--clear; $(PYTHON) -m venv $$clear .venv
+	@echo "installing some 130 packages into .venv (about 1.6 GB, a minute or two) ..."
+	$(BIN)/python -m pip install --disable-pip-version-check -r environment.txt
+	@touch $(READY)
 
 clean:
-	rm -rf .venv runs
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find workbench tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf .venv workbench.egg-info
+	@if [ -d runs ]; then printf "remove runs/ with all that was learned, too? [y/N] "; read answer; \
+	[ "$$answer" = y ] && rm -rf runs || echo "runs/ is kept"; fi

@@ -67,7 +67,42 @@ class _WithFields(click.Command):
 PLACE = _Place()
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _Count(click.ParamType):
+    """A whole number, also as 1e5 or 100_000."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> int:
+        """Return the number."""
+        try:
+            number = float(str(value).replace("_", ""))
+        except ValueError:
+            number = math.nan
+        if not number.is_integer():
+            self.fail(f"{value!r} is no whole number, such as 100000 or 1e5", param, ctx)
+        return int(number)
+
+
+COUNT = _Count()
+
+
+class _Verbs(click.Group):
+    """The verbs; a wrong one is answered with what it is like."""
+
+    def resolve_command(self, ctx: Any, args: Any) -> Any:
+        """Return the command that is asked for."""
+        if args and args[0] not in self.commands and not args[0].startswith("-"):
+            from workbench.fields import did_you_mean
+
+            listed = ", ".join(sorted(self.commands))
+            hint = did_you_mean(args[0], self.commands)
+            ctx.fail(f"no verb {args[0]!r}; expected one of {listed}{hint}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(
+    cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
 def verbs() -> None:
     """Formation control with Greedy-GQ(λ)."""
 
@@ -77,7 +112,7 @@ def _option(*names: str, **kinds: Any) -> Callable[..., Any]:
 
 
 @verbs.command(cls=_WithFields)
-@_option("--steps", type=int, help="Learning updates, summed over the followers.")
+@_option("--steps", type=COUNT, help="Learning updates, summed over the followers.")
 @_option("--setting", help="Start from a named setting: paper, recommended, infrared, …")
 @_option("--followers", type=int, help="Robots behind the leader.")
 @_option("--drive", help="Fidelity of the simulated robot: wheels, planar or (for sweeps) rolling.")
@@ -107,7 +142,9 @@ def learn(
         if resume:
             raise ValueError(f"--setting {setting!r}; a run that is resumed keeps its own")
         if setting not in SETTINGS:
-            raise ValueError(f"--setting {setting!r}; expected one of {', '.join(SETTINGS)}")
+            hint = fields.did_you_mean(setting, SETTINGS)
+            listed = ", ".join(SETTINGS)
+            raise ValueError(f"--setting {setting!r}; expected one of {listed}{hint}")
         values = fields.to_dict(SETTINGS[setting])
     if out is None:
         if resume:
@@ -283,7 +320,7 @@ def emulate(protocol: str, port: int, rate: float, seconds: float) -> Result:
 @click.option("--robot", required=True, help="sim:, serial:PORT, overo:PORT or tcp:HOST[:PORT].")
 @click.option("--weights", type=PLACE, required=True, help="Folder of the run.")
 @click.option("--seconds", type=float, default=60.0, help="How long (default 60).")
-@click.option("--learn", type=int, default=0, help="Learn on, over so many updates.")
+@click.option("--learn", type=COUNT, default=0, help="Learn on, over so many updates.")
 @_option("--record", type=PLACE, help="Write a recording to this .csv.")
 @_option("--out", type=PLACE, help="Folder to keep the weights in, where it learns.")
 @click.option("--real", is_flag=True, help="The recording is of a real robot.")

@@ -23,7 +23,7 @@ import dataclasses
 import difflib
 import functools
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
@@ -111,7 +111,7 @@ def choice(options: tuple[str, ...], doc: str, *, default: str) -> Any:
         if not isinstance(value, str):
             raise _Wrong(expected, wrong_type=True)
         if value not in options:
-            raise _Wrong(expected + _did_you_mean(value, options), wrong_type=False)
+            raise _Wrong(expected + did_you_mean(value, options), wrong_type=False)
         return value
 
     return _declare(default, expected, doc, check)
@@ -144,7 +144,9 @@ def part(kind: type, doc: str, *, default: object) -> Any:
     return _declare(default, expected, doc, check)
 
 
-def _did_you_mean(word: str, options: tuple[str, ...] | list[str]) -> str:
+def did_you_mean(word: str, options: Iterable[str]) -> str:
+    """Return "; did you mean …?" with the option that a word is nearest to, "" if none is near."""
+    options = list(options)
     close = difflib.get_close_matches(word, options, n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -153,7 +155,7 @@ def _refuse_unknown(cls: type, given: Mapping[str, object]) -> None:
     names = [field.name for field in dataclasses.fields(cls)]
     for name, value in given.items():
         if name not in names:
-            hint = _did_you_mean(name, names)
+            hint = did_you_mean(name, names)
             raise TypeError(
                 f"{cls.__name__} has no field {name!r} (given {value!r}); fields: "
                 f"{', '.join(names)}{hint}"
@@ -263,13 +265,15 @@ def whole(name: str, number: Any, low: int, high: int, unit: str = "") -> int:
     return int(value)
 
 
-def positive(name: str, number: int) -> int:
-    """Return an argument that must be a whole number of at least 1.
+def positive(name: str, number: float) -> int:
+    """Return an argument that must be a whole number of at least 1; 1e5 is one.
 
     Raises:
         ValueError: it is none.
     """
     value = unwrapped(number)
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1:
         raise ValueError(f"{name} = {number!r}; expected a whole number, at least 1")
     return int(value)

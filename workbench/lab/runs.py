@@ -117,7 +117,7 @@ class Run:
 def learn(
     config: ConvoyConfig,
     *,
-    steps: int,
+    steps: float,
     policy: Policy | None = None,
     reward: Reward | None = None,
     out: str | Path | None = None,
@@ -160,7 +160,7 @@ def learn_seeds(
     config: ConvoyConfig,
     seeds: Sequence[int],
     *,
-    steps: int,
+    steps: float,
     reward: Reward | None = None,
     out: str | Path | None = None,
     resume: bool = False,

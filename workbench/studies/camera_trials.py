@@ -47,7 +47,7 @@ def measure_camera(trial: Trial, *, pixel_minutes: float = PIXEL_MINUTES) -> dic
     }
     result |= {
         f"greedy_{name}": math.nan if greedy[name] is None else float(greedy[name])
-        for name in ("losses", "rms_distance_mm", "bearing_std_deg", "share_best_3x3")
+        for name in ("share_best_3x3", *_NAMES)
     }
     for sensing in CAMERA:
         seen = trial.config.sensing in CAMERA  # without a camera there is nothing to compare
@@ -60,7 +60,7 @@ def measure_camera(trial: Trial, *, pixel_minutes: float = PIXEL_MINUTES) -> dic
     return result
 
 
-_NAMES = ("losses", "rms_distance_mm", "bearing_std_deg")
+_NAMES = ("losses", "rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg")
 
 
 def followed(policy: Policy, config: ConvoyConfig, minutes: float) -> dict[str, float]:

@@ -65,6 +65,8 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
         "share_inside_last_third": float(inside.mean()),
         "share_inside_worst_follower": float(inside.mean(axis=0).min()),
         "rms_distance_mm": errors["rms_distance_mm"],
+        "bias_mm": errors["bias_mm"],
+        "ripple_mm": errors["ripple_mm"],
         "bearing_std_deg": errors["bearing_std_deg"],
         "losses": float(losses),
         "recovered_within_10_s": recovered / losses if losses else math.nan,

@@ -1,4 +1,4 @@
-"""Is it better to learn with interpolated commands, or with speeds about that of the robot ahead?"""
+"""Is it better to learn with interpolated commands, or with speeds relative to the leader?"""
 
 from collections.abc import Sequence
 from dataclasses import replace
