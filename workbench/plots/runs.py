@@ -249,11 +249,11 @@ def paper_pattern(ax: Axes, config: ConvoyConfig) -> Axes:
     ax.text(x, y, "74", ha="center", va="center", fontsize=8)
     corner = bearing[column - 1], distance[row - 1]
     ax.text(
-        bearing[column - 1],
+        bearing[column + 2],
         distance[row + 2] + 2,
         "98.7 in the block,\n24.7 around the cell",
         fontsize=8,
-        ha="center",
+        ha="left",
         va="bottom",
     )
     ax.add_patch(

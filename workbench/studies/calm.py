@@ -61,7 +61,7 @@ def beside_law(table: pd.DataFrame, noise: str, kept: str) -> pd.DataFrame:
 
 
 TICKS = (
-    (0.001, 0.01, 0.1, 1, 10),
+    (0.001, 0.1, 10),
     (0.2, 0.5, 1, 2),
     (0.2, 0.5, 1, 2, 5),
     (1, 2, 5, 10, 20),
@@ -80,6 +80,7 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     clean = of[of["noise"] == "none"].replace({"setting": LEARNERS, "output": {"law": "(a law)"}})
     clean = clean.replace({"setting": {LAW: "tuned carrot"}})
     fig = Figure(figsize=(12.0, 3.8), layout="constrained")
+    fig.set_layout_engine("constrained", w_pad=0.1)  # inches: room for the longest name
     axes = fig.subplots(1, 4, sharey=True)
     numbers = by_quantity(clean, ["output", "setting"], PANELS)
     for ax, (value, words), ticks in zip(axes, PANELS.items(), TICKS, strict=True):
