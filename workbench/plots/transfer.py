@@ -86,7 +86,9 @@ def agreement(table: pd.DataFrame, ax: Axes) -> Axes:
         for line in table.itertuples()
     ]
     ax.set_yticks(places, names, fontsize=8)
-    ax.get_figure(root=True).set_layout_engine("constrained", w_pad=0.2)  # inches: room for names
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    figure.set_layout_engine("constrained", w_pad=0.2)  # inches: room for the names
     ax.invert_yaxis()
     ax.set_xlabel("share of rows that lie inside the bounds for the model (a simulated wall)")
     ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.16), ncols=4, columnspacing=1.0)
