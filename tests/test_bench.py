@@ -3,6 +3,7 @@
 No times are asserted.
 """
 
+import math
 import os
 import sys
 import types
@@ -65,7 +66,9 @@ def test_bench_reports_all_numbers(monkeypatch):
         "peer_us_nobody peer_over_rolling_nobody"
     )
     assert set(wanted.split()) <= set(result)
-    assert all(value > 0 for value in result.values())
+    # a trial's own time is a difference, which other work on the machine can turn around
+    assert all(value > 0 for name, value in result.items() if not name.startswith("trial_ms"))
+    assert all(math.isfinite(value) for value in result.values())
 
 
 def test_a_start_with_nothing_compiled_takes_longer_than_one_with():

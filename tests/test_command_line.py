@@ -108,7 +108,7 @@ def test_a_classical_law_is_evaluated_by_its_name(capsys):
             ["evaluate", "l-psi", "--set", "sensing=truth-relative"],
             "law 'l-psi' needs the predecessor's heading, speed",
         ),
-        (["study", "everything"], "study 'everything'; expected one of actions, buffer"),
+        (["study", "everything"], "study 'everything'; expected one of actions, bound"),
         (["study", "inner", "--workers", "-1"], "workers = -1"),
         (
             ["validate", "moon"],

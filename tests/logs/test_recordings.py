@@ -14,17 +14,18 @@ import pandas as pd
 import pytest
 
 from workbench import paths
-from workbench.formation.body import BodyConfig
-from workbench.formation.config import SETTINGS, ConvoyConfig
+from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower, drive
 from workbench.lab.runs import learn
 from workbench.lab.weights import load_weights
 from workbench.logs import importers, sessions
+from workbench.logs.hello import hello
 from workbench.logs.recordings import POSES, Recorder, load_recording
 from workbench.logs.replay import RecordingEnded
 from workbench.logs.sessions import drive_robot, record_robot
 from workbench.robot.open import open_robot
+from workbench.robot.wire.emulator import Emulator
 
 CONFIG = replace(SETTINGS["infrared"], followers=1, drive="planar", seed=3)
 
@@ -378,13 +379,10 @@ def test_a_follower_that_learns_on_while_it_drives_keeps_its_weights(tmp_path):
 
 
 def test_a_drive_foresees_the_delay_that_hello_measured(tmp_path, monkeypatch):
-    """The same weights over a link that is late by 0.2 s, as given to them by a report."""
-    config = ConvoyConfig(
-        followers=1, drive="rolling", sensing="truth-relative", body=BodyConfig(delay=2)
-    )
+    """The same weights over an emulated link that is late, as a report says."""
+    config = replace(SETTINGS["infrared"], followers=1, drive="rolling")
     learn(config, steps=3000, progress=False, out=tmp_path / "run")
     report = tmp_path / "hello.json"
-    report.write_text(json.dumps({"delay_s": 0.2}))
     seen = []
     real = sessions.SoloFollower
 
@@ -393,12 +391,23 @@ def test_a_drive_foresees_the_delay_that_hello_measured(tmp_path, monkeypatch):
         return real(config, *arguments, **options)
 
     monkeypatch.setattr(sessions, "SoloFollower", noted)
-    drive_robot("sim:", tmp_path / "run", seconds=20, hello=report)
-    drive_robot(
-        "sim:", tmp_path / "run", seconds=2, change=lambda c: replace(c, output="interpolated")
-    )
-    assert (seen[0].prediction, seen[0].late_s) == ("both", 0.2)
-    assert seen[1].output == "interpolated" and seen[1].prediction == "none"
+    with Emulator(SimulatedRobot(config), "epuck1", delay_s=0.02) as emulator:
+        hello(emulator.url, out=report)
+        drive_robot(emulator.url, tmp_path / "run", seconds=2, hello=report)
+        for told in ("own", "both"):
+            drive_robot(
+                emulator.url,
+                tmp_path / "run",
+                seconds=1,
+                hello=report,
+                change=lambda c, told=told: replace(c, output="interpolated", prediction=told),
+            )
+    measured = json.loads(report.read_text())["delay_s"]
+    assert [each.prediction for each in seen] == ["both", "own", "both"]
+    assert {each.late_s for each in seen} == {measured} and measured > 0.02
+    assert [each.output for each in seen] == ["greedy", "interpolated", "interpolated"]
+    with pytest.raises(ValueError, match="a simulated robot's link has the delay that"):
+        drive_robot("sim:", tmp_path / "run", seconds=1, hello=report)
     report.write_text("[]")
     with pytest.raises(ValueError, match="holds no delay_s; expected a report of"):
-        drive_robot("sim:", tmp_path / "run", seconds=1, hello=report)
+        drive_robot("tcp://127.0.0.1:1", tmp_path / "run", seconds=1, hello=report)

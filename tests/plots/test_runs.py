@@ -105,7 +105,7 @@ def test_intervals_by_case_draw_every_pair():
     )
     ax = plots.intervals_by_case(table, "m", rows="track", colours="reward", lines={"zero": 0.0})
     assert [label.get_text() for label in ax.get_yticklabels()] == ["x", "y"]
-    assert "n = 10 seeds" in ax.get_legend().get_texts()[0].get_text()
+    assert "95 % interval over 10 seeds" in ax.get_legend().get_title().get_text()
 
 
 def test_trails_and_picture():

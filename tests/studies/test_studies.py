@@ -74,7 +74,7 @@ def test_unknown_plots_and_claims_are_refused_with_what_there_is():
         draw("inner", "tiles")
     with pytest.raises(ValueError, match="study 'inner': claim 'E1'; expected one of none"):
         decide("inner", "E1")
-    with pytest.raises(ValueError, match="study 'iner'; expected one of actions, buffer"):
+    with pytest.raises(ValueError, match="study 'iner'; expected one of actions, bound"):
         draw("iner", "inner_cell")
 
 

@@ -66,7 +66,10 @@ def test_published_tables_have_all_trials_of_the_study_as_it_is_defined_now(name
     labels, trials = study.trials(seeds)
     conditions = table[list(labels[0])].drop_duplicates(ignore_index=True)
     pd.testing.assert_frame_equal(conditions, pd.DataFrame(labels), check_dtype=False)
-    assert len(table) % len(labels) == 0  # as many rows for every trial
+    rows = table.groupby(list(labels[0]), dropna=False).size()
+    conditions = [name for name in labels[0] if name != "seed"]
+    assert len(rows) == len(trials)
+    assert (rows.groupby(level=conditions, dropna=False).nunique() == 1).all()  # for every seed
     header = json.loads((paths.DATA / "studies" / f"{name}.json").read_text())
     assert (header["simulated"], header["quick"], header["seeds"]) == (True, False, seeds)
     assert is_current(header, trials)
@@ -146,7 +149,7 @@ def test_a_study_killed_half_way_continues_and_ends_with_the_same_table(tmp_path
 
 
 def test_unknown_studies_and_missing_tables_are_refused(monkeypatch, tmp_path):
-    with pytest.raises(ValueError, match="study 'tile'; expected one of actions, buffer"):
+    with pytest.raises(ValueError, match="study 'tile'; expected one of actions, bound"):
         run_study("tile")
     monkeypatch.setitem(load_study.__globals__, "FOLDER", tmp_path)
     with pytest.raises(FileNotFoundError, match="python -m workbench study tiles"):

@@ -7,12 +7,14 @@ import pytest
 
 import workbench as wb
 from workbench.formation.body import BodyConfig
+from workbench.formation.estimate import PREDICTIONS
 from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.records import PERIOD
 from workbench.lab.trial import Trial
 from workbench.studies import transfer_trials
 from workbench.studies.realities import FAMILIES, emulated_world
 from workbench.studies.transfer_trials import (
+    DELAYS,
     NOISE_FACTORS,
     TRAININGS,
     Transfer,
@@ -122,23 +124,33 @@ def test_delays_are_judged_in_one_world():
     numbers = measure_delays(
         Trial(config=replace(BASE, sensing="camera"), steps=20_000, minutes=0.5)
     )
+    worlds = ["nominal", *(f"delay_{k}" for k in DELAYS)]
     assert {name for name in numbers if name.endswith("losses")} == {
-        "nominal_losses",
-        *(f"delay_{k}_losses" for k in range(4)),
+        f"{world}_{prediction}_losses" for world in worlds for prediction in PREDICTIONS
     }
-    assert len({numbers[f"delay_{k}_rms_distance_mm"] for k in range(4)}) == 4
+    late = [numbers[f"delay_{k}_none_rms_distance_mm"] for k in DELAYS]
+    assert len(set(late)) == len(DELAYS)
+
+
+def test_prediction_is_asked_only_of_what_knows_distances():
+    raw = replace(INFRARED, sensing="ir-raw")
+    numbers = measure_delays(Trial(config=raw, steps=5_000, minutes=0.5))
+    assert not any("_own_" in name or "_both_" in name for name in numbers)
 
 
 def test_copies_are_judged_follower_by_follower_on_the_robots_that_learned():
     different = replace(BASE, body=BodyConfig(wheel_spread=0.02, axle_spread=0.02))
     numbers = measure_copies(Trial(config=different, steps=20_000, minutes=1.0))
-    for kind in ("own", "copied", "last", "shared"):
-        for follower in (1, 2):
-            assert 0 < numbers[f"{kind}_rms_distance_mm_{follower}"] < 70
-    assert (
-        numbers["own_rms_distance_mm_1"] == numbers["copied_rms_distance_mm_1"]
-    )  # the first keeps its own weights
-    assert numbers["own_rms_distance_mm_2"] != numbers["copied_rms_distance_mm_2"]
+    for cures in ("none", "calm"):
+        for kind in ("own", "copied", "last", "shared", "range"):
+            for follower in (1, 2):
+                assert 0 < numbers[f"{kind}_{cures}_rms_distance_mm_{follower}"] < 70
+        own, copied = (
+            [numbers[f"{kind}_{cures}_rms_distance_mm_{k}"] for k in (1, 2)]
+            for kind in ("own", "copied")
+        )
+        assert own[0] == copied[0]  # the first keeps its own weights
+        assert own[1] != copied[1]
     own, last = (
         wb.Policy.of(different, np.zeros((n, different.rows, different.action_count)))
         for n in (2, 1)

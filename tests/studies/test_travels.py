@@ -86,7 +86,9 @@ def test_copies_are_compared_by_geometric_means():
     for seed, (own, copied) in enumerate(errors):
         line = {"setting": "s", "robots": "alike", "seed": seed}
         for kind, value in (("own", own), ("copied", copied)):
-            line |= {f"{kind}_{error}_{k}": value for error in copies.ERRORS for k in range(1, 5)}
+            line |= {
+                f"{kind}_none_{error}_{k}": value for error in copies.ERRORS for k in range(1, 5)
+            }
         lines.append(line)
     table = _rows(copies, lines, ("setting", "robots", "seed"))
     ratios = copies.copied_to_own(table, "copied")
@@ -101,26 +103,30 @@ def test_copies_are_compared_by_geometric_means():
 def test_whose_weights_lost_whom_is_counted():
     line = {"setting": "s", "robots": "alike"}
     for number, kind in enumerate(copies.WHOSE):
-        line |= {f"{kind}_losses_{k}": number * k for k in range(1, 5)} | {
-            f"{kind}_rms_distance_mm_{k}": 1.0 * k for k in range(1, 5)
-        }
+        for k in range(1, 5):
+            line |= {f"{kind}_none_losses_{k}": number * k, f"{kind}_calm_losses_{k}": 0}
+            for error in ("rms_distance_mm", "bias_mm", "ripple_mm"):
+                line |= {f"{kind}_{cures}_{error}_{k}": 1.0 * k for cures in copies.CURED}
     lines = [line | {"seed": seed} for seed in (1, 2)]
     table = _rows(copies, lines, ("setting", "robots", "seed"))
-    assert copies.losses_by_weights(table).loc["s"].tolist() == [0, 20, 40, 60]
-    assert copies.runs_with_losses(table).loc["s"].tolist() == [0, 2, 2, 2]
+    lost, runs = copies.losses_by_weights(table), copies.runs_with_losses(table)
+    assert lost.loc[("s", "none")].tolist() == [20 * k for k in range(len(copies.WHOSE))]
+    assert runs.loc[("s", "none")].tolist() == [0] + [2] * (len(copies.WHOSE) - 1)
+    assert (lost.loc[("s", "calm")] == 0).all() and (runs.loc[("s", "calm")] == 0).all()
     places = copies.errors_in_line(table, "s")
-    assert len(places) == 16 and places["value"].tolist() == places["follower"].tolist()
+    assert len(places) == 4 * 3 * len(copies.WHOSE)
+    assert places["value"].tolist() == places["follower"].tolist()
 
 
 def test_lateness_and_noise_are_levels():
     late = [{"route": "camera", "table": "5×5/3×3", "seed": seed} for seed in (1, 2)]
     noisy = [{"route": "ir-raw", "training": "nominal", "seed": seed} for seed in (1, 2)]
     for line in late:
-        line["nominal_rms_distance_mm"] = 5.0
+        line["nominal_none_rms_distance_mm"] = 5.0
         for k in range(4):
             numbers = {"losses": k * (line["seed"] - 1), "share_inside": 1.0}
             numbers["rms_distance_mm"] = 5.0 * k
-            line |= {f"delay_{k}_{name}": value for name, value in numbers.items()}
+            line |= {f"delay_{k}_none_{name}": value for name, value in numbers.items()}
     for line in noisy:
         for k in range(6):
             numbers = {"losses": k, "share_inside": 1 - k / 10, "rms_distance_mm": 3.0}
@@ -130,7 +136,7 @@ def test_lateness_and_noise_are_levels():
     late = delays.by_delay(delayed)
     assert late[late["quantity"] == "degradation"]["value"].tolist() == [0, 1, 2, 3]
     assert set(late["late"]) == {0.0, 0.1, 0.2, 0.3} and set(late["case"]) == {"camera, 5×5/3×3"}
-    lost = delays.losses_by_delay(delayed).loc[("camera", "5×5/3×3")]
+    lost = delays.losses_by_delay(delayed).loc[("camera", "5×5/3×3", "none")]
     assert lost["losses"].tolist() == [0, 1, 2, 3] and lost["without_loss"].tolist() == [2, 1, 1, 1]
     assert lost["worst_degradation"].tolist() == [0, 1, 2, 3]
     assert gap.losses_by_noise(louder).loc[("ir-raw", "nominal")].tolist() == [

@@ -41,6 +41,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+WIDGET = "application/vnd.jupyter.widget-view+json"
 SHOTS = paths.RUNS / "browser"
 TOKEN = "workbench-test"
 MOVING_S = 8.0  # seconds over which frames and load are measured
@@ -208,6 +209,33 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         assert frames > 0
         page.screenshot(path=SHOTS / "1_learning.png")
 
+        # letters typed while the mouse is over an arena are not the notebook's commands: "d d"
+        # deletes a cell there
+        cells = page.locator(".jp-Notebook .jp-Cell").count()
+        page.keyboard.press("Escape")
+        learning.locator("canvas").first.hover()
+        for key in "wwddaaxx":
+            page.keyboard.press(key)
+        page.wait_for_timeout(500)
+        assert page.locator(".jp-Notebook .jp-Cell").count() == cells
+
+        # dark theme, and a narrow window
+        page.get_by_role("menuitem", name="Settings", exact=True).click()
+        page.get_by_role("menuitem", name="Theme", exact=True).hover()
+        page.get_by_role("menuitem", name="JupyterLab Dark", exact=True).click()
+        _wait_for(lambda: "dark" in learning.get_attribute("class"), 20, "the arena going dark")
+        page.set_viewport_size({"width": 700, "height": 1000})
+        page.wait_for_timeout(1500)
+        learning.scroll_into_view_if_needed()
+        box = learning.bounding_box()
+        assert box["x"] + box["width"] <= 700
+        page.screenshot(path=SHOTS / "1_dark_narrow.png")
+        page.set_viewport_size({"width": 1100, "height": 1400})
+        page.get_by_role("menuitem", name="Settings", exact=True).click()
+        page.get_by_role("menuitem", name="Theme", exact=True).hover()
+        page.get_by_role("menuitem", name="JupyterLab Light", exact=True).click()
+        _wait_for(lambda: "dark" not in learning.get_attribute("class"), 20, "it going light")
+
         # an interrupt of the kernel does not stop it, and two arenas run side by side
         page.locator("[data-command='notebook:interrupt-kernel']").first.click()
         driven.scroll_into_view_if_needed()
@@ -276,7 +304,11 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
 
         # a reloaded page finds its arenas again, with what was shown, and they go on
         page.keyboard.press("Control+s")
-        page.wait_for_timeout(1500)
+        page.wait_for_timeout(2500)
+        stored = nbformat.read(folder / "00_start_here.ipynb", 4)
+        shown = [out for cell in stored.cells for out in cell.get("outputs", []) if "data" in out]
+        live = [out.data for out in shown if WIDGET in out.data]
+        assert len(live) == 6 and all("image/png" in data for data in live)
         count = _number(learning, "periods")
         page.reload()
         page.wait_for_selector(".wba", timeout=90_000)

@@ -271,6 +271,11 @@ def _check(
             f"ConvoyConfig.reward = {OWN!r} without a function; expected reward=, the "
             "function of the run"
         )
+    if config.actions != "wheels":
+        raise ValueError(
+            f"ConvoyConfig.actions = {config.actions!r}; an environment's actions are speeds of "
+            "the wheels: expected 'wheels'"
+        )
     if config.compute_time_s:
         raise ValueError(
             f"ConvoyConfig.compute_time_s = {config.compute_time_s!r}; an environment "

@@ -138,7 +138,8 @@ class ConvoyConfig:
     )
     learn_by: str = choice(
         LEARN_BY,
-        "what a follower that learns drives by: the table's own actions, or its output",
+        "what a follower that learns drives by: the table's own actions, or its output; who copies "
+        "does not learn",
         default="table",
     )
     filter: str = choice(
@@ -201,7 +202,9 @@ class ConvoyConfig:
                 raise ValueError(
                     f"ConvoyConfig.{name} = {(low, high)!r}; expected (low, high) with low < high"
                 )
-        if not self.wheel_speed_mps[0] <= self.leader_speed_mps <= self.wheel_speed_mps[1]:
+        low, high = self.wheel_speed_mps
+        paced = self.actions == "relative" or low <= self.leader_speed_mps <= high
+        if not paced:
             raise ValueError(
                 f"ConvoyConfig.leader_speed_mps = {self.leader_speed_mps!r}; followers can "
                 "only keep pace if it lies "
@@ -309,6 +312,7 @@ class ConvoyConfig:
         assumes it.
         """
         known = self.body.delay * CONTROL_PERIOD + SENSES[self.sensing].age(self)
+        known += self.delay_steps * DRIVES[self.drive].timestep_s
         return self.estimate.delay_s or known
 
     @property

@@ -499,6 +499,7 @@ class Convoy:
             )
             robots["camera"]["tracked"] = robots["body"]["queue"] = robots["seen"]["heard"] = 0
             robots["estimate"] = np.zeros((), ROBOT["estimate"])
+            robots["estimate"]["put"] = 1
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
             begin_episode(robot, ids)
             robot["reset"]["phase"] = FOLLOW

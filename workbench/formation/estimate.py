@@ -43,6 +43,7 @@ _SENT = round(LONGEST_S / CONTROL_PERIOD) + 2
 ESTIMATE = np.dtype(
     [
         ("any", "i8"),  # whether there is one
+        ("put", "i8"),  # whether the robot has been put somewhere: its last command did not run
         ("x", "f8"),  # the predecessor in the robot's frame, m and m/s over the ground
         ("y", "f8"),
         ("u", "f8"),
@@ -126,8 +127,9 @@ def perceive(task: Any, follower: Any) -> tuple[float, float]:
     for k in range(_SENT - 1, 0, -1):
         sent[k, 0] = sent[k - 1, 0]
         sent[k, 1] = sent[k - 1, 1]
-    sent[0, 0] = follower.command.left
-    sent[0, 1] = follower.command.right
+    sent[0, 0] = 0 if estimate.put else follower.command.left
+    sent[0, 1] = 0 if estimate.put else follower.command.right
+    estimate.put = 0
     if seen.distance > task.bounds.sight:
         estimate.any = 0
         estimate.pace = 0.0

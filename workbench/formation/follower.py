@@ -353,7 +353,7 @@ def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
     lost = state < 0
     frozen = task.law.number == 0 and follower.learning.learns == 0
     if frozen and task.output.trim > 0.0 and not lost:
-        state = _trim(task, follower, e_d, state)
+        _trim(task, follower, e_d)  # a visit counts where the robot is, not where it is told it is
     if follower.choice.state >= 0:
         reward = task.reward.terminal if lost else reward_at(task, follower, e_d, bearing)
         _finish(task, follower, period, reward, state)
@@ -377,17 +377,17 @@ def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
         left, right = _commands(task, follower, memory.weights[0], action)
     choice.state = state
     choice.action = action
-    choice.distance_error = e_d
-    choice.bearing = bearing
+    choice.distance_error = follower.seen.distance - task.bounds.middle
+    choice.bearing = follower.seen.bearing
     return left, right, finite
 
 
 @compiled
-def _trim(task: Any, follower: Any, e_d: float, state: int) -> int:
-    """Tile the place with the integral of the distance error; return the state there."""
+def _trim(task: Any, follower: Any, e_d: float) -> None:
+    """Tile the place with the integral of the distance error."""
     if follower.choice.state < 0:  # an episode begins
         follower.output.trim = 0.0
-        return state
+        return
     first, second = trimmed(
         task.sense.trimmed,
         task,
@@ -396,7 +396,7 @@ def _trim(task: Any, follower: Any, e_d: float, state: int) -> int:
         follower.learning.place[0],
         follower.learning.place[1],
     )
-    return _cells_at(task, follower, first, second)
+    _cells_at(task, follower, first, second)
 
 
 @compiled

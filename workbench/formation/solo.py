@@ -138,6 +138,7 @@ class SoloFollower:
         *,
         distance: float = 0.0,
         bearing: float = 0.0,
+        new: bool = True,
     ) -> tuple[int, int]:
         """Return wheel speeds in whole steps/s.
 
@@ -145,12 +146,14 @@ class SoloFollower:
             readings: (8,) calibrated counts, with sensing by infrared.
             light: (8,) ambient readings, by which it notices when it is blinded.
             distance, bearing: of the robot in front in m and rad, with other sensing.
+            new: whether they have arrived since the last decision; a filter goes on without them.
 
         Raises:
             FloatingPointError: learning diverged.
             ValueError: readings are missing or not eight finite numbers.
         """
         self._notice(readings, light, distance, bearing)
+        self._record["seen"]["silent"] = not new
         epsilon = self._exploration()
         learning = self._record["learning"]
         learning["epsilon"] = epsilon

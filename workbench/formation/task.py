@@ -120,7 +120,7 @@ def _fill_grid(grid: NDArray[np.void], lattice: NDArray[np.void], config: Convoy
         grid[name][0, : len(levels)] = levels
 
 
-_QUIET_M = 3e-4  # what is expected to be noise where there is none: wheels that turn unevenly
+_QUIET_M = 1e-4  # what is expected to be noise where there is none: wheels that turn unevenly
 _VELOCITY = 0.3  # gain of the velocity where places are taken as they are read
 
 

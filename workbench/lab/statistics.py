@@ -58,8 +58,9 @@ def iqm(values: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
 
 def _mean_interval(sample: NDArray[np.float64], level: float) -> tuple[float, float, float]:
     """Return the mean and its interval by Student's t, corrected for skewness by Hall's cubic
-    transformation (JRSS B 54(2), 221, 1992): 94 to 95 % of 95 at n = 10, for normal and for skewed
-    values alike, where the percentile bootstrap covers 88 to 91.
+    transformation (JRSS B 54(2), 221, 1992). At n = 10 that covers 95 % for normal and 93.7 % for
+    log-normal values with σ = 0.5 (91 % with σ = 1), where the percentile bootstrap covers 91 and
+    88.
     """
     from scipy import stats
 
@@ -82,7 +83,7 @@ def _unbent(t: float, bend: float) -> float:
 
 def _median_interval(sample: NDArray[np.float64], level: float) -> tuple[float, float, float]:
     """Return the median and the interval between two of the values in order, which covers at least
-    the level whatever the distribution.
+    95 % whatever the distribution from six values on (50, 75, 87, 93 % for two to five).
     """
     from scipy import stats
 

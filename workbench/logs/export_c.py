@@ -117,7 +117,9 @@ def export_c(
         + "\n};\n",
         count=len(speeds),
         speeds=", ".join(f"{{{a}, {b}}}" for a, b in speeds),
-        begin=integral.begin if integral else "",
+        kept=_KEPT if integral else "",
+        begin="    integral = 0;\n    begun = 0;\n" if integral else "",
+        clamp=_CLAMP if calm or integral else "",
         trim=integral.trim if integral else "",
         find=find,
         end=integral.end if integral else "",
@@ -170,7 +172,6 @@ class _Integral:
         logs = np.array([log_counts(count) for count in range(MOST + 1)])
         left, right = policy.left_steps, policy.right_steps
         self.tables = f"static const uint16_t log_of[{MOST + 1}] = {{{_list(logs)}}};\n"
-        self.begin = _BEGIN
         self.end = "    last_left = *left_speed;\n    last_right = *right_speed;\n"
         self.trim = _TRIM.format(
             middle=int(task["trim_middle"]),
@@ -265,24 +266,18 @@ _BETWEEN = f"""    uint32_t row = left_at[left] / {PARTS}u, column = right_at[ri
     *right_speed = (int16_t)(right_sum / {PARTS * PARTS} - {_SHIFT});
 """
 
-_BEGIN = """
-/* The integral of the error of the readings; call gq_begin where an episode begins. */
+_KEPT = """
+/* The integral of the error of the readings. */
 static int32_t integral = 0, begun = 0;
 static int16_t last_left = 0, last_right = 0;
+"""
 
-void gq_begin(void);
-
-void gq_begin(void)
-{
-    integral = 0;
-    begun = 0;
-}
+_CLAMP = f"""    left = left > {MOST} ? {MOST} : left;
+    right = right > {MOST} ? {MOST} : right;
 """
 
 _TRIM = """    int32_t error, spent, factor;
     uint32_t near;
-    left = left > {most} ? {most} : left;
-    right = right > {most} ? {most} : right;
     if (begun) {{
         error = {middle} - (int32_t)log_of[left] - (int32_t)log_of[right];
         spent = error > 0 ? {fast} : {slow};
@@ -308,10 +303,16 @@ _C = """/* Policy of a line formation follower, exported from {source}.
 #include <stdint.h>
 
 {tables}{table}static const int16_t speed_of[{count}][2] = {{{speeds}}};
-{begin}
+{kept}
+void gq_begin(void);
 void gq_policy(uint16_t left, uint16_t right, int16_t *left_speed, int16_t *right_speed);
+
+/* Call it where an episode begins. */
+void gq_begin(void)
+{{
+{begin}}}
 
 void gq_policy(uint16_t left, uint16_t right, int16_t *left_speed, int16_t *right_speed)
 {{
-{trim}{find}{end}}}
+{clamp}{trim}{find}{end}}}
 """

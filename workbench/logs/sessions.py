@@ -104,7 +104,7 @@ def drive_robot(
     config = replace(fields.from_dict(ConvoyConfig, weights.about["config"]), followers=1)
     config = change(config) if change is not None else config
     if hello is not None:
-        config = _foreseeing(config, Path(hello))
+        config = _foreseeing(config, url, Path(hello))
     options = {"config": config} if url.startswith("sim:") else {}
     with ExitStack() as stack:
         robot = open_robot(url, guardian=True, **options)
@@ -123,20 +123,26 @@ def drive_robot(
             report = drive(robot, follower, seconds=seconds, watch=watch)
         finally:  # what it has learned is kept, however the drive ended
             if out is not None:
-                Path(out).mkdir(parents=True, exist_ok=True)
-                shape = (1, config.rows, config.action_count)
-                about = describe(follower.policy, config, follower.updates)
-                write_weights(
-                    Path(out),
-                    Weights(
-                        follower.policy, follower.weights[1].reshape(shape), follower.updates, about
-                    ),
-                )
+                _keep(follower, Path(out))
         return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
 
 
-def _foreseeing(config: ConvoyConfig, report: Path) -> ConvoyConfig:
+def _keep(follower: SoloFollower, out: Path) -> None:
+    """Write what a follower has learned."""
+    out.mkdir(parents=True, exist_ok=True)
+    config = follower.config
+    secondary = follower.weights[1].reshape(1, config.rows, config.action_count)
+    about = describe(follower.policy, config, follower.updates)
+    write_weights(out, Weights(follower.policy, secondary, follower.updates, about))
+
+
+def _foreseeing(config: ConvoyConfig, url: str, report: Path) -> ConvoyConfig:
     """Return a configuration that foresees the delay in a report of ``hello``."""
+    if url.startswith("sim:"):
+        raise ValueError(
+            f"hello = {str(report)!r} with {url!r}; a simulated robot's link has the delay that "
+            "its configuration says (body.delay): expected a robot on a wire"
+        )
     found = read_json(report)
     if not isinstance(found, dict) or not isinstance(found.get("delay_s"), float):
         raise ValueError(
@@ -144,7 +150,8 @@ def _foreseeing(config: ConvoyConfig, report: Path) -> ConvoyConfig:
             "--out FILE`"
         )
     told = replace(config.estimate, delay_s=found["delay_s"])
-    return replace(config, prediction="both", estimate=told)
+    ahead = "both" if config.prediction == "none" else config.prediction
+    return replace(config, prediction=ahead, estimate=told)
 
 
 def record_emulated(folder: str | Path, *, seconds: float = 30.0) -> list[str]:

@@ -118,14 +118,25 @@ def log_of(recording: Recording) -> Log:
     reset, are left out.
 
     Raises:
-        ValueError: the recording has no configuration, no proximity readings, or states that its
-            readings do not give.
+        ValueError: the recording has no configuration, no proximity readings, an output stage, or
+            states that its readings do not give.
     """
     config = recording.config
     if config is None or "proximity" not in recording.sensors:
         raise ValueError(
             "the recording has no follower's configuration or no proximity readings; record a drive"
         )
+    for name, value, plain in (
+        ("output", config.output, "greedy"),
+        ("trim", config.trim, 0.0),
+        ("filter", config.filter, "none"),
+        ("prediction", config.prediction, "none"),
+    ):
+        if value != plain:
+            raise ValueError(
+                f"ConvoyConfig.{name} = {value!r}; the recorded robot did not drive by the action "
+                f"of the state that it read: expected a drive with {name} = {plain!r}"
+            )
     frame = recording.frame
     light = (
         frame[[f"light{k}" for k in range(SENSORS)]].to_numpy(float)

@@ -48,7 +48,7 @@ def ruling(main: bool, *others: bool) -> str:
 
 def similar(low: float, high: float, margin: float) -> bool:
     """Return whether an interval of a difference lies within a margin on both sides."""
-    return bool(max(abs(low), abs(high)) <= margin)
+    return bool(-margin <= low and high <= margin)
 
 
 def no_worse(high: float, margin: float) -> bool:

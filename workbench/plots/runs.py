@@ -78,23 +78,11 @@ def visit_map(
         edgecolors="white",
         linewidth=0.6,
     )
-    for i, row in enumerate(share):
-        for j, value in enumerate(row):
-            if value > 0 and not plain:
-                dark = norm(value) < 0.6
-                ax.text(
-                    (bearing[j] + bearing[j + 1]) / 2,
-                    (distance[i] + distance[i + 1]) / 2,
-                    _percent(value),
-                    ha="center",
-                    va="center",
-                    fontsize=8 if share.size > 30 else 11,
-                    color="white" if dark else "black",
-                )
     _tile_axes(ax, config)
     ax.set_title(label, loc="left", fontsize=8.5)
     if plain:
         return ax
+    _write_shares(ax, share, distance, bearing, norm)
     bar = ax.figure.colorbar(
         mesh, ax=ax, label="share of visits (log scale; grey: never; <: below 0.005 %)"
     )
@@ -104,6 +92,24 @@ def visit_map(
     )
     bar.ax.minorticks_off()
     return ax
+
+
+def _write_shares(
+    ax: Axes, share: Floats, distance: Floats, bearing: Floats, norm: LogNorm
+) -> None:
+    """Write every share that is not zero into its tile."""
+    for i, row in enumerate(share):
+        for j, value in enumerate(row):
+            if value > 0:
+                ax.text(
+                    (bearing[j] + bearing[j + 1]) / 2,
+                    (distance[i] + distance[i + 1]) / 2,
+                    _percent(value),
+                    ha="center",
+                    va="center",
+                    fontsize=8 if share.size > 30 else 11,
+                    color="white" if norm(value) < 0.6 else "black",
+                )
 
 
 def often(visits: ArrayLike, least: float = 1e-3) -> Floats:

@@ -9,7 +9,7 @@ searched. Errors of those are true ones.
 >>> trial = Trial(config=config, steps=300, minutes=1.0)
 >>> numbers = measure_camera(trial, pixel_minutes=0.05)
 >>> sorted(numbers)[:3]
-['bearing_std_deg_last_third', 'camera_bearing_std_deg', 'camera_losses']
+['bearing_std_deg_last_third', 'camera_bearing_std_deg', 'camera_bias_mm']
 """
 
 import math

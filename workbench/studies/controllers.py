@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import pandas as pd
@@ -196,15 +196,6 @@ def verdict(table: pd.DataFrame) -> Verdict:
         f"Training: {price[0]:.0f} [{price[1]:.0f}, {price[2]:.0f}] losses in "
         f"{LEARNING / 4 * CONTROL_PERIOD / 3600:.1f} h; n = {STUDY.seeds} seeds"
     )
-    within = answer.groupby("learner", sort=False)["fine"].agg(["sum", "size"])
-    ours = (
-        "; ".join(f"{who}: {words[who]}" for who in LEARNERS[1:])
-        + ". Within the margins, "
-        + (
-            "all noises and peers: "
-            + ", ".join(f"{who} {row['sum']} of {row['size']}" for who, row in within.iterrows())
-        )
-    )
     fails = (
         "an interval of the difference in RMS distance that reaches beyond 0.5 mm; then in bearing "
         "or turning, a frozen drive that loses anybody, or training without losses"
@@ -214,7 +205,16 @@ def verdict(table: pd.DataFrame) -> Verdict:
         "takes some time."
     )
     parts = (*fine[LEARNERS[0]], not lost.any(), price[1] > 0)
+    ours = _others(answer, words)
     return Verdict("E10", claim, ruling(*map(bool, parts)), because, fails, ours)
+
+
+def _others(answer: pd.DataFrame, words: Mapping[str, str]) -> str:
+    """Return how the followers that are not the paper's stand beside their peers."""
+    within = answer.groupby("learner", sort=False)["fine"].agg(["sum", "size"])
+    counts = ", ".join(f"{who} {row['sum']} of {row['size']}" for who, row in within.iterrows())
+    told = "; ".join(f"{who}: {words[who]}" for who in LEARNERS[1:])
+    return f"{told}. Within the margins, all noises and peers: {counts}"
 
 
 STUDY = Study(

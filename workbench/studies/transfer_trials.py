@@ -9,7 +9,7 @@ is NaN.
 
 >>> trial = Transfer(config=ConvoyConfig(drive="planar", followers=1), steps=2000, minutes=1.0)
 >>> sorted(name for name in measure_transfer(trial) if name.startswith("nominal"))[:3]
-['nominal_losses', 'nominal_rms_bearing_deg', 'nominal_rms_distance_mm']
+['nominal_bias_mm', 'nominal_losses', 'nominal_ripple_mm']
 """
 
 import math

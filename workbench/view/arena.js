@@ -2,13 +2,22 @@
 // The kernel counts control periods and knows nothing of screens; everything here that moves between two of them is interpolated.
 
 const STYLE = `
-.wba { font: 13px/1.35 system-ui, sans-serif; color: #222; max-width: 700px; outline: none; background: #fff; padding: 4px; }
+.wba {
+  --floor: #f4f3f0; --ink: #222; --faint: rgba(0, 0, 0, 0.07); --edge: rgba(0, 0, 0, 0.25); --line: #4a4a4a; --wash: rgba(0, 114, 178, 0.06);
+  font: 13px/1.35 var(--jp-ui-font-family, system-ui, sans-serif); color: var(--jp-ui-font-color1, #222); max-width: 700px; outline: none;
+  background: var(--jp-layout-color1, #fff); padding: 4px;
+}
+.wba.dark { --floor: #23262b; --ink: #eee; --faint: rgba(255, 255, 255, 0.09); --edge: rgba(255, 255, 255, 0.3); --line: #b5b5b5; --wash: rgba(86, 180, 233, 0.12); }
 .wba:focus-within { box-shadow: 0 0 0 2px #0072B2; }
-.wba canvas { display: block; width: 100%; border: 1px solid #ccc; background: #f4f3f0; }
+.wba canvas { display: block; width: 100%; border: 1px solid var(--jp-border-color1, #ccc); background: var(--floor); }
 .wba .row { display: flex; flex-wrap: wrap; gap: 6px; align-items: center; margin: 4px 0; }
-.wba button, .wba select, .wba input[type=text] { font: inherit; padding: 2px 8px; }
+.wba button, .wba select, .wba input[type=text] {
+  font: inherit; padding: 2px 8px; color: inherit; background: var(--jp-layout-color2, #eee); border: 1px solid var(--jp-border-color1, #bbb); border-radius: 2px;
+}
+.wba button:hover { background: var(--jp-layout-color3, #ddd); }
+.wba input[type=text] { max-width: 40vw; }
 .wba input[type=range] { flex: 1; min-width: 120px; }
-.wba .said { min-height: 1.35em; color: #444; }
+.wba .said { min-height: 1.35em; color: var(--jp-ui-font-color2, #444); }
 .wba .title { font-weight: 600; }
 .wba .view { position: relative; }
 .wba .stick { position: absolute; right: 10px; bottom: 10px; width: 110px; height: 110px; border: none; touch-action: none; border-radius: 50%; background: rgba(255,255,255,0.8); }
@@ -41,7 +50,7 @@ function face(el) {
   const row = element(box, "div", { className: "row" });
   const play = element(row, "button", { textContent: "▶ play", className: "play" });
   const step = element(row, "button", { textContent: "step", className: "step", title: "one tenth of a second" });
-  const speed = element(row, "select", { className: "speed", title: "simulated seconds per second" });
+  const speed = element(row, "select", { className: "speed", title: "simulated seconds per second", ariaLabel: "speed: simulated seconds per second" });
   for (const value of SPEEDS) element(speed, "option", { value, textContent: `× ${value}`, selected: value === 1 });
   const scrub = element(row, "input", { type: "range", min: 0, max: 0, value: 0, step: 1, className: "scrub", title: "drag to see it again; play goes on from there", ariaLabel: "time" });
   const clock = element(row, "span", { className: "clock" });
@@ -54,7 +63,7 @@ function face(el) {
     label.appendChild(document.createTextNode(` ${name}`));
   }
   const restart = element(second, "button", { textContent: "restart", className: "restart", title: "begin again; what was learned is forgotten" });
-  const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "name of the file that the drive is saved in", className: "name" });
+  const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "name of the file that the drive is saved in", ariaLabel: "file name of the drive", className: "name" });
   const save = element(second, "button", { textContent: "save drive", className: "save" });
   const said = element(box, "div", { className: "said", ariaLive: "polite" });
   return { box, title, canvas, stick, play, step, speed, scrub, clock, count, shown, restart, name, save, said };
@@ -67,7 +76,7 @@ function render({ model, el }) {
   const width = about.fields.length, robots = about.robots;
   const state = {
     frames: [], tallied: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
-    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, driving: false, scrubbed: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
+    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, wrong: false, driving: false, scrubbed: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
   };
   ui.title.textContent = model.get("title");
   for (const part of [ui.name, ui.save, ui.stick]) part.style.display = state.drive ? "" : "none";
@@ -86,7 +95,8 @@ function render({ model, el }) {
   function hear(message, buffers) {
     if (message.type === "frames") {
       state.asked = 0;
-      if (ui.said.textContent === BUSY) ui.said.textContent = "";
+      if (ui.said.textContent === BUSY || (state.wrong && state.playing)) ui.said.textContent = ""; // what was wrong is over
+      state.wrong = state.wrong && !state.playing;
       const anew = message.generation !== state.generation;
       if (message.first > (anew ? 0 : state.frames.length)) { model.send({ type: "history" }); return; } // something was missed
       if (anew) {
@@ -107,6 +117,7 @@ function render({ model, el }) {
       if (state.stepping) { state.stepping = false; state.cursor = state.frames.length - 1; }
     } else if (message.type === "said") {
       ui.said.textContent = message.text;
+      state.wrong = Boolean(message.stop);
       state.asked = 0;
       state.stepping = false;
       if (message.stop) pause();
@@ -164,6 +175,8 @@ function render({ model, el }) {
       ui.play.click();
       event.preventDefault();
       event.stopPropagation();
+    } else if (key.length === 1) {
+      event.stopPropagation(); // no letter reaches the notebook, whose commands they are
     }
   });
   ui.box.addEventListener("keyup", (event) => {
@@ -189,12 +202,41 @@ function render({ model, el }) {
   };
   ui.stick.onpointerup = ui.stick.onpointercancel = ui.stick.onlostpointercapture = release;
   ui.canvas.onpointerdown = () => ui.box.focus();
+  // keys are for the arena that the mouse is over, and for one to drive in that has just appeared; never for the notebook around it
+  const typing = () => document.activeElement && (document.activeElement.isContentEditable || /^(INPUT|TEXTAREA|SELECT)$/.test(document.activeElement.tagName));
+  ui.box.addEventListener("pointerenter", (event) => {
+    if (event.pointerType === "mouse" && !typing() && !ui.box.contains(document.activeElement)) ui.box.focus({ preventScroll: true });
+  });
+  if (state.drive) setTimeout(() => { if (!typing() && !state.closed) ui.box.focus({ preventScroll: true }); }, 50);
 
   // --- drawing ---------------------------------------------------------------------------------------------------------------
   const xs = about.line.map((p) => p[0]), ys = about.line.map((p) => p[1]);
   const margin = about.bounds.middle;
   const world = [Math.min(...xs) - margin, Math.max(...xs) + margin, Math.min(...ys) - margin, Math.max(...ys) + margin];
   const draw = ui.canvas.getContext("2d");
+  let look = {};
+  function dress() { // light or dark, as the page is
+    const [r, g, b] = (getComputedStyle(ui.box).backgroundColor.match(/[\d.]+/g) || [255, 255, 255]).map(Number);
+    ui.box.classList.toggle("dark", 0.3 * r + 0.6 * g + 0.1 * b < 110);
+    const style = getComputedStyle(ui.box);
+    look = Object.fromEntries(["floor", "ink", "faint", "edge", "line", "wash"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  }
+  const METRE = [0.01, 0.05, 0.1, 0.5, 1, 5, 10]; // m between the lines of the floor's grid
+  function paintGrid(w, h, scale) {
+    const gap = METRE.find((metres) => metres * scale > 34) || 10;
+    const left = state.centre[0] - w / 2 / scale, low = state.centre[1] - h / 2 / scale;
+    draw.beginPath();
+    for (let x = Math.ceil(left / gap) * gap; x < left + w / scale; x += gap) { const at = w / 2 + scale * (x - state.centre[0]); draw.moveTo(at, 0); draw.lineTo(at, h); }
+    for (let y = Math.ceil(low / gap) * gap; y < low + h / scale; y += gap) { const at = h / 2 - scale * (y - state.centre[1]); draw.moveTo(0, at); draw.lineTo(w, at); }
+    draw.strokeStyle = look.faint;
+    draw.lineWidth = 1;
+    draw.stroke();
+    draw.fillStyle = look.ink;
+    draw.globalAlpha = 0.6;
+    draw.font = "11px sans-serif";
+    draw.fillText(`grid ${gap >= 1 ? `${gap} m` : `${Math.round(1000 * gap)} mm`}`, 8, h - 8);
+    draw.globalAlpha = 1;
+  }
 
   function between(cursor) { // [x, y, heading] of all robots, and the frame whose readings count
     const k = Math.max(0, Math.min(Math.floor(cursor), state.frames.length - 1));
@@ -222,7 +264,8 @@ function render({ model, el }) {
     }
     draw.setTransform(ratio, 0, 0, ratio, 0, 0);
     draw.clearRect(0, 0, w, h);
-    if (!state.frames.length) { draw.fillStyle = "#444"; draw.fillText("waiting for the kernel …", 12, 20); return; }
+    if (!look.ink || state.drawn % 30 === 0) dress();
+    if (!state.frames.length) { draw.fillStyle = look.ink; draw.fillText("waiting for the kernel …", 12, 20); return; }
     const [poses, frame, k] = between(state.cursor);
     const scale = Math.min(w / (world[1] - world[0]), h / (world[3] - world[2]));
     const home = [(world[0] + world[1]) / 2, (world[2] + world[3]) / 2];
@@ -235,11 +278,12 @@ function render({ model, el }) {
     for (const axis of [0, 1]) state.centre[axis] += 0.08 * (goal[axis] - state.centre[axis]);
     const X = (x) => w / 2 + scale * (x - state.centre[0]), Y = (y) => h / 2 - scale * (y - state.centre[1]);
 
+    paintGrid(w, h, scale);
     draw.beginPath();
     about.line.forEach((p, n) => (n ? draw.lineTo(X(p[0]), Y(p[1])) : draw.moveTo(X(p[0]), Y(p[1]))));
     draw.closePath();
     draw.lineWidth = Math.max(2, scale * about.line_width);
-    draw.strokeStyle = "#4a4a4a";
+    draw.strokeStyle = look.line;
     draw.globalAlpha = about.free ? 0.15 : 0.55;
     draw.stroke();
     draw.globalAlpha = 1;
@@ -283,10 +327,10 @@ function render({ model, el }) {
   function paintBounds(pose, X, Y, scale) {
     const { distance, bearing } = about.bounds;
     sector(pose, X, Y, scale, distance[0], distance[1], -bearing, bearing);
-    draw.fillStyle = "rgba(0, 114, 178, 0.06)";
+    draw.fillStyle = look.wash;
     draw.fill();
     draw.lineWidth = 0.7;
-    draw.strokeStyle = "rgba(0, 0, 0, 0.25)";
+    draw.strokeStyle = look.edge;
     draw.stroke();
   }
   function paintTile(pose, frame, i, X, Y, scale) {
@@ -297,7 +341,7 @@ function render({ model, el }) {
     sector(pose, X, Y, scale, d[row], d[row + 1], b[column], b[column + 1]);
     draw.fillStyle = "rgba(240, 193, 75, 0.5)";
     draw.fill();
-    draw.strokeStyle = "#222";
+    draw.strokeStyle = look.ink;
     draw.lineWidth = 1;
     draw.stroke();
   }
@@ -327,7 +371,7 @@ function render({ model, el }) {
     draw.globalAlpha = 1;
     draw.lineWidth = away ? 2.5 : 1;
     draw.setLineDash(away ? [4, 3] : []);
-    draw.strokeStyle = LOST;
+    draw.strokeStyle = away ? look.ink : LOST;
     draw.stroke();
     draw.setLineDash([]);
   }

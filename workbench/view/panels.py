@@ -12,6 +12,7 @@ Contract: callbacks hold no science: they call the function with the controls' v
 it returns, or its error.
 """
 
+import base64
 import html
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -75,7 +76,16 @@ def panel(draw: Draw, **controls: Slider | Choice) -> Any:
 
     for part in parts.values():
         part.observe(change, names="value")
-    return VBox([*parts.values(), said, shown])
+
+    class Panel(VBox):
+        """Controls and a picture, which a stored notebook keeps."""
+
+        def _repr_mimebundle_(self, **options: Any) -> Any:
+            data = dict(super()._repr_mimebundle_(**options))
+            picture = base64.b64encode(shown.value).decode()
+            return data | {"image/png": picture}, {"image/png": {"width": 700}}
+
+    return Panel([*parts.values(), said, shown])
 
 
 def _picture(draw: Draw, values: dict[str, Any]) -> Image:

@@ -83,20 +83,20 @@ def play(
     *,
     learn: int = 0,
     drive: bool = False,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     still_s: float = 30.0,
 ) -> Any:
     """Show the live arena; arguments as ``scene_of``.
 
     Args:
-        folder: where drives are saved.
+        folder: where drives are saved; default: ``runs/drives``.
         still_s: simulated seconds after which the picture is taken where there is no page
             (WORKBENCH_STATIC=1).
 
     Returns:
         The widget, or a picture.
     """
-    if not Path(folder).is_dir():
+    if folder is not None and not Path(folder).is_dir():
         raise FileNotFoundError(
             f"folder = {str(folder)!r} does not exist; expected the folder that drives are saved in"
         )
@@ -107,7 +107,14 @@ def play(
         return still(scene, still_s)
     from workbench.view.widget import Arena
 
-    return Arena(scene, folder=folder)
+    def picture() -> bytes:
+        if isinstance(source, (LiveScene, StoredScene)):  # as far as it has come
+            return bytes(still(source, max(1, len(source)) * CONTROL_PERIOD).data)
+        # another one: that on the page stays where it is
+        own = scene_of(source, policy, learn=learn, drive=drive)
+        return bytes(still(own, still_s).data)
+
+    return Arena(scene, folder=folder, picture=picture)
 
 
 def still(scene: LiveScene | StoredScene, seconds: float) -> Image:

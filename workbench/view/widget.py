@@ -11,6 +11,8 @@ Contract: one thread at a time; handlers of several pages or cells wait for each
 saved in the folder given, by plain names.
 """
 
+import base64
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ import anywidget
 import numpy as np
 import traitlets
 
+from workbench import paths
 from workbench.view.scenes import Frames, LiveScene, StoredScene
 
 MOST = 200  # control periods per message
@@ -29,7 +32,8 @@ class Arena(anywidget.AnyWidget):
 
     Args:
         scene: what to show.
-        folder: where drives are saved; default: where the kernel runs.
+        folder: where drives are saved; default: ``runs/drives``.
+        picture: returns a PNG that stands beside the widget in a stored notebook.
 
     Attributes:
         scene: open to every use while it is not played.
@@ -42,14 +46,31 @@ class Arena(anywidget.AnyWidget):
     live = traitlets.Bool().tag(sync=True)
     drivable = traitlets.Bool().tag(sync=True)
 
-    def __init__(self, scene: LiveScene | StoredScene, *, folder: str | Path = ".") -> None:
+    def __init__(
+        self,
+        scene: LiveScene | StoredScene,
+        *,
+        folder: str | Path | None = None,
+        picture: Callable[[], bytes] | None = None,
+    ) -> None:
         super().__init__(
             about=scene.about, title=scene.title, live=scene.live, drivable=scene.drivable
         )
         self.scene = scene
-        self.folder = Path(folder).expanduser()
+        self.folder = paths.RUNS / "drives" if folder is None else Path(folder).expanduser()
         self.saved = ""
+        self._picture = picture
         self.on_msg(self._hear)
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        """Return what a page shows, and the picture that is left where no kernel runs."""
+        bundle = super()._repr_mimebundle_(**options)
+        data, about = bundle if isinstance(bundle, tuple) else (bundle, {})
+        if data and self._picture is not None:
+            picture = base64.b64encode(self._picture()).decode()
+            data = data | {"image/png": picture}
+            about = about | {"image/png": {"width": 700}}
+        return data, about
 
     def _hear(self, _: object, message: dict[str, Any], buffers: object) -> None:
         kinds = {
@@ -119,6 +140,7 @@ class Arena(anywidget.AnyWidget):
         name = str(message["name"])
         if Path(name).name != name or name.startswith("."):
             raise ValueError(f"name = {name!r}; expected a plain file name that ends in .csv")
+        self.folder.mkdir(parents=True, exist_ok=True)
         self.saved = str(scene.save_drive(self.folder / name))
         seconds = len(scene.commands) * self.about["period"]
         self.send(

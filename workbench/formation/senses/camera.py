@@ -27,9 +27,9 @@ from workbench.formation.senses.sense import EVERYBODY, Draw, Sense, Values
 from workbench.formation.senses.truth import observe
 from workbench.robot.geometry import CONTROL_PERIOD
 
-# spread of distances in m and bearings in rad by tracked poses, measured in the default arena: what
-# a filter expects
-NOISE_TOLD = (1e-3, math.radians(1.0))
+# spread of distances in m and bearings in rad by tracked poses, in the default arena: what a filter
+# expects
+NOISE_TOLD = (1e-4, math.radians(0.25))
 # of TASK.camera
 MODEL = 1
 PIXELS = 2

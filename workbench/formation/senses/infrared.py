@@ -66,8 +66,9 @@ from workbench.robot.motors import motor_speed
 NEAR = 8  # robots that one robot's sensors can be shown at once
 UNSEEN = 1e6  # m
 SIDEWAYS = math.radians(50)  # bearing of what a side sensor sees best
-# spread of distances in m and bearings in rad, measured in the default arena: what a filter expects
-NOISE_TOLD = (2e-3, math.radians(2.0))
+# spread of distances in m and bearings in rad while a frozen follower follows in the default arena:
+# what a filter expects
+NOISE_TOLD = (3e-4, math.radians(0.35))
 # whole numbers of the trim of readings: parts of a logarithm and of the integral, and its shift
 LOG_PARTS = 256
 TRIM_BITS = 15

@@ -1,0 +1,166 @@
+"""A film of the live arena, taken from a real JupyterLab in a real browser: how the README's first
+picture is made.
+
+    python -m workbench.view.filming figures/live_arena.png
+
+Robots that know nothing learn while it is watched; then the leader is driven by keys. Needs the
+development extras and Chromium.
+"""
+
+import contextlib
+import io
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from PIL import Image
+
+from workbench.lab.storage import write_bytes
+
+WIDTH = 744  # pixels of the arena
+FRAMES_PER_S = 6
+LEARNING_S = 7.0  # of film
+TOKEN = "film"
+CELLS = (
+    """from dataclasses import replace
+import workbench as wb
+config = replace(wb.SETTINGS["recommended"], drive="planar", actions="relative",
+                 wheel_speed_mps=(0.0, 0.12), seed=4)
+run = wb.learn(config, steps=60_000, progress=False)
+wb.play(config, learn=60_000)""",
+    "wb.play(config.with_seed(5), run.policy, drive=True)",
+)
+# what somebody who drives might do: keys held, and for how many seconds of film
+KEYS = (
+    (("w",), 2.0),
+    (("w", "a"), 0.5),
+    (("w",), 1.6),
+    (("w", "d"), 0.9),
+    (("w",), 1.6),
+    (("w", "a"), 0.6),
+    (("w",), 1.6),
+)
+
+
+@contextlib.contextmanager
+def _server(folder: Path) -> Iterator[str]:
+    """Serve a folder by JupyterLab; yield its address."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    options = [
+        "--no-browser",
+        "--allow-root",
+        f"--port={port}",
+        f"--IdentityProvider.token={TOKEN}",
+        f"--ServerApp.root_dir={folder}",
+        "--LabApp.news_url=None",
+    ]
+    server = subprocess.Popen(
+        [sys.executable, "-m", "jupyterlab", *options],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        for _ in range(300):
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            time.sleep(0.2)
+        yield f"http://127.0.0.1:{port}/lab/tree/film.ipynb?token={TOKEN}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def _shoot(arena: Any, seconds: float) -> list[bytes]:
+    """Return pictures of an arena, FRAMES_PER_S of them a second."""
+    shots = []
+    for _ in range(round(seconds * FRAMES_PER_S)):
+        begun = time.monotonic()
+        shots.append(arena.screenshot())
+        time.sleep(max(0.0, 1 / FRAMES_PER_S - (time.monotonic() - begun)))
+    return shots
+
+
+def film(path: str | Path) -> int:
+    """Write the film to an animated PNG; return its frames."""
+    from playwright.sync_api import sync_playwright
+
+    browser_path = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser_path is None:
+        raise RuntimeError("no chromium on this machine; install it to take a film")
+    with tempfile.TemporaryDirectory() as place, sync_playwright() as playwright:
+        book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS])
+        book.metadata.kernelspec = {"name": "python3", "display_name": "Python 3"}
+        nbformat.write(book, Path(place) / "film.ipynb")
+        browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1200, "height": 1900})
+        with _server(Path(place)) as address:
+            page.goto(address)
+            page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status=idle]")
+            page.add_style_tag(content=f".wba {{ max-width: {WIDTH}px !important; }}")
+            page.wait_for_timeout(4000)
+            page.get_by_role("menuitem", name="Run", exact=True).click()
+            page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
+            page.wait_for_function("document.querySelectorAll('.wba').length == 2", timeout=120_000)
+            shots = _play(page)
+        browser.close()
+    write_bytes(Path(path), _animated(shots))
+    return len(shots)
+
+
+def _play(page: Any) -> list[bytes]:
+    """Let one arena learn, drive the other by keys, and return the pictures of both."""
+    learning, driven = (page.locator(".wba").nth(k) for k in range(2))
+    learning.locator(".speed").select_option("5")
+    learning.locator(".play").click()
+    shots = _shoot(learning, LEARNING_S)
+    learning.locator(".play").click()
+    driven.scroll_into_view_if_needed()
+    driven.locator(".speed").select_option("2")
+    driven.locator("canvas").first.click(position={"x": 20, "y": 20})
+    for keys, seconds in KEYS:
+        for key in keys:
+            page.keyboard.down(key)
+        shots += _shoot(driven, seconds)
+        for key in keys:
+            page.keyboard.up(key)
+    return shots
+
+
+def _animated(shots: list[bytes]) -> bytes:
+    """Return an animated PNG of pictures."""
+    frames = [Image.open(io.BytesIO(shot)).convert("RGB") for shot in shots]
+    width, height = frames[0].size
+    # one palette for all, so that what stands still stays the same to the last bit
+    some = Image.new("RGB", (width, 3 * height))
+    for k, frame in enumerate((frames[0], frames[len(frames) // 2], frames[-1])):
+        some.paste(frame.resize((width, height)), (0, k * height))
+    palette = some.quantize(96, dither=Image.Dither.NONE)
+    frames = [
+        frame.resize((width, height)).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    ]
+    kept = io.BytesIO()
+    frames[0].save(
+        kept,
+        format="PNG",
+        save_all=True,
+        append_images=frames[1:],
+        duration=1000 / FRAMES_PER_S,
+        loop=0,
+        optimize=True,
+    )
+    return kept.getvalue()
+
+
+if __name__ == "__main__":
+    print(film(sys.argv[1]), "frames")
