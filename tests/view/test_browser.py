@@ -170,6 +170,13 @@ def _leader(arena):
     return [float(value) for value in (arena.get_attribute("data-leader") or "0 0").split()]
 
 
+def _choose_theme(page, name):
+    page.locator(".lm-MenuBar-item").get_by_text("Settings", exact=True).click()
+    page.wait_for_timeout(500)
+    page.locator(".lm-Menu-itemLabel").get_by_text("Theme", exact=True).hover()
+    page.locator(".lm-Menu-itemLabel").get_by_text(f"JupyterLab {name}", exact=True).click()
+
+
 def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
     server, address, folder = lab
     with _page() as (page, errors):
@@ -220,9 +227,7 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         assert page.locator(".jp-Notebook .jp-Cell").count() == cells
 
         # dark theme, and a narrow window
-        page.get_by_role("menuitem", name="Settings", exact=True).click()
-        page.get_by_role("menuitem", name="Theme", exact=True).hover()
-        page.get_by_role("menuitem", name="JupyterLab Dark", exact=True).click()
+        _choose_theme(page, "Dark")
         _wait_for(lambda: "dark" in learning.get_attribute("class"), 20, "the arena going dark")
         page.set_viewport_size({"width": 700, "height": 1000})
         page.wait_for_timeout(1500)
@@ -231,9 +236,7 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         assert box["x"] + box["width"] <= 700
         page.screenshot(path=SHOTS / "1_dark_narrow.png")
         page.set_viewport_size({"width": 1100, "height": 1400})
-        page.get_by_role("menuitem", name="Settings", exact=True).click()
-        page.get_by_role("menuitem", name="Theme", exact=True).hover()
-        page.get_by_role("menuitem", name="JupyterLab Light", exact=True).click()
+        _choose_theme(page, "Light")
         _wait_for(lambda: "dark" not in learning.get_attribute("class"), 20, "it going light")
 
         # an interrupt of the kernel does not stop it, and two arenas run side by side
