@@ -8,7 +8,8 @@
 PYTHON ?= python3
 LAB_ARGS ?=
 BIN := .venv/bin
-READY := .venv/.ready
+VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2> /dev/null)
+READY := .venv/.ready-$(VERSION)
 ROOT_ARGS := $(shell [ "$$(id -u)" = 0 ] && echo --allow-root)  # in a container
 
 define CHECK
@@ -50,7 +51,7 @@ $(READY): environment.txt pyproject.toml
 	[ "$$want" = "$$have" ] && clear= || clear=--clear; $(PYTHON) -m venv $$clear .venv
 	@echo "installing some 130 packages into .venv (about 1.6 GB, a minute or two) ..."
 	$(BIN)/python -m pip install --disable-pip-version-check -r environment.txt
-	@touch $(READY)
+	@touch $@
 
 clean:
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks

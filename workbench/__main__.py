@@ -104,7 +104,10 @@ class _Verbs(click.Group):
     cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
 def verbs() -> None:
-    """Formation control with Greedy-GQ(λ)."""
+    """Formation control with Greedy-GQ(λ).
+
+    A terminal gets a table; a pipe, or --json, one JSON object as the last line.
+    """
 
 
 def _option(*names: str, **kinds: Any) -> Callable[..., Any]:
@@ -503,6 +506,8 @@ def _run(given: list[str]) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     begun = time.perf_counter()
+    machine = "--json" in given
+    given = [word for word in given if word != "--json"]
     try:
         result = verbs.main(given, prog_name="python -m workbench", standalone_mode=False)
         if not isinstance(result, dict):  # help was asked for
@@ -511,7 +516,10 @@ def _run(given: list[str]) -> int:
         result["wall_s"] = round(time.perf_counter() - begun, 1)
         from workbench.lab.storage import plain
 
-        print(json.dumps(plain(result), ensure_ascii=False), flush=True)
+        values = plain(result)
+        people = sys.stdout.isatty() and not machine
+        text = _as_lines(values) if people else json.dumps(values, ensure_ascii=False)
+        print(text, flush=True)
         return code
     except click.ClickException as error:
         error.show()
@@ -529,6 +537,20 @@ def _run(given: list[str]) -> int:
     except (RobotError, *ERRORS) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+
+
+def _as_lines(values: dict[str, Any], before: str = "") -> str:
+    """Return plain values as aligned lines for people, long numbers rounded."""
+    known = {name: value for name, value in values.items() if value is not None}
+    width = max(map(len, known), default=0)
+    lines = []
+    for name, value in known.items():
+        if isinstance(value, dict):
+            lines += [f"{before}{name}", _as_lines(value, before + "  ")]
+            continue
+        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
+        lines.append(f"{before}{name:{width}}  {shown}")
+    return "\n".join(lines)
 
 
 def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> Any:

@@ -202,8 +202,35 @@ def configuration(cls: type[T]) -> type[T]:
 
     # adds the list of valid names to the error
     made.__init__ = __init__  # type: ignore[method-assign]
+    made.__repr__ = _short  # type: ignore[method-assign]
+    made._repr_html_ = _as_html  # type: ignore[attr-defined]
     made.__doc__ = f"{made.__doc__ or ''}\n\nFields:\n{describe(made)}"
     return made
+
+
+def changed(config: Any) -> dict[str, Any]:
+    """Return what of a configuration is not the default, by the names of fields."""
+    values = ((field, getattr(config, field.name)) for field in dataclasses.fields(config))
+    return {field.name: value for field, value in values if value != field.default}
+
+
+def _short(config: Any) -> str:
+    """Return how a configuration is made; what is not said is the default."""
+    given = ", ".join(f"{name}={value!r}" for name, value in changed(config).items())
+    return f"{type(config).__name__}({given})"
+
+
+def _as_html(config: Any) -> str:
+    """Return what differs from the default, with what it means."""
+    from workbench import markup
+
+    own = {field.name: field for field in dataclasses.fields(config)}
+    rows = [
+        (name, f"{value!r}", f"default {own[name].default!r}", own[name].metadata["doc"])
+        for name, value in changed(config).items()
+    ]
+    name = type(config).__name__
+    return markup.table(rows, name if rows else f"{name}: all defaults")
 
 
 def describe(cls: type) -> str:

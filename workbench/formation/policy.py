@@ -75,6 +75,31 @@ class Policy:
                 f"{expected[0]}, {expected[1]})"
             )
 
+    def __repr__(self) -> str:
+        """Say what it maps from and to."""
+        first, second = (len(edges) - 1 for edges in (self.distance_edges, self.bearing_edges))
+        tilings = f", {int(self.tilings)} tilings" if self.tilings > 1 else ""
+        left, right = self.left_steps.size, self.right_steps.size
+        return (
+            f"Policy({first}×{second} tiles{tilings}, {left}×{right} actions, "
+            f"{self.theta.shape[0]} tables, sensing {str(self.sensing)!r})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the best value of every tile of the first tiling, from worst to best."""
+        from workbench import markup
+
+        shape = (len(self.distance_edges) - 1, len(self.bearing_edges) - 1)
+        best = self.theta.max(axis=2)[:, : shape[0] * shape[1]]
+        low, high = best.min(), best.max()
+        scaled = 0.02 + 0.98 * (best - low) / (high - low if high > low else 1.0)
+        words = f"best value, {low:.2f} to {high:.2f}"
+        maps = [
+            markup.heat(table.reshape(shape), f"table {k}: {words}")
+            for k, table in enumerate(scaled)
+        ]
+        return markup.table([], repr(self)) + "".join(maps)
+
     def grids(self) -> tuple[TileGrid, ...]:
         """Return the offset grids whose cells are the rows of a table, as
         ``ConvoyConfig.grids``.

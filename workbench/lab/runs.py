@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench import fields
+from workbench import fields, markup
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.laws.law import ControlLaw
@@ -54,11 +54,22 @@ REQUEST = (
     "config",
 )  # what must agree for a run to be continued
 CHECKPOINT_S = 20.0  # seconds of wall-clock time between checkpoints
+UNSEEN = 1000  # added to the seed for what follows greedily: another track, other noise
+_SHOWN = {  # of a summary, for people
+    "simulated_minutes": "simulated minutes",
+    "losses": "losses",
+    "collisions": "collisions",
+    "share_best_3x3": "visits in the best 3×3 tiles",
+    "rms_distance_mm": "RMS distance error, mm",
+    "bias_mm": "… bias, mm",
+    "ripple_mm": "… ripple, mm",
+    "bearing_std_deg": "bearing spread, °",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A finished run.
+    """A finished run: print it, or let a notebook show it.
 
     Attributes:
         kind: "learn" or "evaluate".
@@ -80,6 +91,23 @@ class Run:
     w: NDArray[np.float64]
     records: Records
     reward_sha256: str | None = None
+
+    def __repr__(self) -> str:
+        """Say what was run, for how long, and how often anybody was lost."""
+        unit = "updates" if self.kind == "learn" else "control periods"
+        losses = self.summary["losses"]
+        return f"Run({self.kind}, {self.length:,} {unit}, {losses} losses, {self.config!r})"
+
+    def _repr_html_(self) -> str:
+        """Show the main numbers and where every follower saw its leader."""
+        named = [(words, self.summary[name]) for name, words in _SHOWN.items()]
+        rows = [(words, value) for words, value in named if value is not None]
+        most = np.log1p(self.visits.max()) or 1.0
+        maps = [
+            markup.heat(np.log1p(visits) / most, f"follower {k}: visits (log)")
+            for k, visits in enumerate(self.visits, 1)
+        ]
+        return markup.table(rows, repr(self)) + "".join(maps)
 
     @property
     def visits(self) -> NDArray[np.int64]:
@@ -181,9 +209,31 @@ def learn_seeds(
     return batch.run(folder, resume, wait_s, progress, checkpoint_s)
 
 
+def controller_of(policy: "Controller | Run") -> Controller:
+    """Return who drives: a run stands for its policy."""
+    return policy.policy if isinstance(policy, Run) else policy
+
+
+def elsewhere(policy: "Controller | Run", config: ConvoyConfig | None) -> ConvoyConfig:
+    """Return where to follow: as told, or, for a run, its own configuration with another seed, that
+    is on another track.
+
+    Raises:
+        TypeError: neither a configuration nor a run.
+    """
+    if config is not None:
+        return config
+    if not isinstance(policy, Run):
+        raise TypeError(
+            f"config is missing; a {type(policy).__name__} does not know where to follow: give a "
+            "configuration, or a run in its place"
+        )
+    return policy.config.with_seed(policy.config.seed + UNSEEN)
+
+
 def evaluate(
-    policy: Controller,
-    config: ConvoyConfig,
+    policy: Controller | Run,
+    config: ConvoyConfig | None = None,
     *,
     minutes: float = 30.0,
     out: str | Path | None = None,
@@ -194,13 +244,20 @@ def evaluate(
     """Let all followers exploit a policy greedily, without learning, or be driven by a classical
     law, for a simulated time.
 
+    Args:
+        policy: or a run, which stands for what it learned.
+        config: default for a run: its own, on a track that it did not learn on (seed + 1000).
+
     Raises:
+        TypeError: there is no configuration.
         ValueError: the policy's tiles or actions are not the configuration's, or its sensing does
             not give what the law needs.
         FileExistsError: ``out`` has something in it and resume is False.
     """
     folder = _place(out)
-    batch = _evaluation([policy], config, [config.seed], minutes, [folder] if folder else None)
+    there = elsewhere(policy, config)
+    drivers = [controller_of(policy)]
+    batch = _evaluation(drivers, there, [there.seed], minutes, [folder] if folder else None)
     return batch.run(folder, resume, wait_s, progress, CHECKPOINT_S)[0]
 
 

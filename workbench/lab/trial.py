@@ -28,10 +28,9 @@ from workbench.formation.laws.l_psi import LPsi
 from workbench.formation.laws.table import LAWS, Controller, quantised_carrot
 from workbench.formation.reset import FOLLOW
 from workbench.lab.records import SUMS
-from workbench.lab.runs import Run, evaluate, learn
+from workbench.lab.runs import UNSEEN, Run, evaluate, learn
 from workbench.robot.geometry import CONTROL_PERIOD
 
-UNSEEN = 1000  # added to the seed for the greedy evaluation: another track, other noise
 OTHER_TRACKS = {  # beside the circle that is learned on
     "anticlockwise": TrackConfig(direction="anticlockwise"),
     "eight": TrackConfig(shape="eight"),

@@ -33,7 +33,7 @@ from workbench.formation.laws.table import Controller, check_controller
 from workbench.formation.places import track_of
 from workbench.formation.reset import FOLLOW
 from workbench.lab.records import sampled_blocks
-from workbench.lab.runs import Run
+from workbench.lab.runs import Run, controller_of, elsewhere
 from workbench.measures.smoothness import ldlj_vector
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -187,13 +187,18 @@ def as_motion(source: Source) -> Motion:
     )
 
 
-def follow(policy: Controller, config: ConvoyConfig, *, minutes: float = 20.0) -> Motion:
+def follow(
+    policy: Controller | Run, config: ConvoyConfig | None = None, *, minutes: float = 20.0
+) -> Motion:
     """Drive a formation greedily with a policy, or with a classical law, and return its whole
-    motion.
+    motion. Arguments as ``evaluate``.
 
     Raises:
+        TypeError: there is no configuration.
         ValueError: the policy or law does not fit the configuration, or minutes are not above 0.
     """
+    config = elsewhere(policy, config)
+    policy = controller_of(policy)
     check_controller(policy)
     if not 0 < minutes <= 1e5:
         raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")

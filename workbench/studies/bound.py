@@ -14,9 +14,9 @@ from workbench.formation.follower import LOSS
 from workbench.formation.laws.table import Controller, quantised_carrot
 from workbench.formation.policy import Policy
 from workbench.formation.reward import terminal_reward, worst_step_reward
-from workbench.lab.runs import evaluate
+from workbench.lab.runs import UNSEEN, evaluate
 from workbench.lab.study import Case, Rows, Study
-from workbench.lab.trial import UNSEEN, Trial
+from workbench.lab.trial import Trial
 from workbench.learning.config import LearnerConfig
 from workbench.measures.comparisons import difference
 from workbench.plots.comparisons import dot_panels

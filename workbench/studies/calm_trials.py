@@ -21,8 +21,8 @@ from workbench.fields import configuration, real
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.table import Controller
-from workbench.lab.runs import learn
-from workbench.lab.trial import TUNED, UNSEEN, Trial
+from workbench.lab.runs import UNSEEN, learn
+from workbench.lab.trial import TUNED, Trial
 from workbench.measures.errors import summary
 from workbench.measures.motion import chatter, follow
 from workbench.robot.geometry import CONTROL_PERIOD

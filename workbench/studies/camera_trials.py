@@ -22,8 +22,8 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.senses.table import CAMERA
-from workbench.lab.runs import evaluate, learn
-from workbench.lab.trial import UNSEEN, Trial
+from workbench.lab.runs import UNSEEN, evaluate, learn
+from workbench.lab.trial import Trial
 from workbench.measures.errors import summary, true_errors
 from workbench.robot.geometry import CONTROL_PERIOD
 

@@ -27,7 +27,8 @@ from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower
-from workbench.lab.trial import UNSEEN, Trial
+from workbench.lab.runs import UNSEEN
+from workbench.lab.trial import Trial
 from workbench.measures.errors import summary, true_errors, within
 from workbench.robot.geometry import CONTROL_PERIOD
 

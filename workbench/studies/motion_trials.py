@@ -29,8 +29,9 @@ from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
+from workbench.lab.runs import UNSEEN
 from workbench.lab.statistics import time_to_stable
-from workbench.lab.trial import CONTROLLERS, UNSEEN, Trial
+from workbench.lab.trial import CONTROLLERS, Trial
 from workbench.measures.errors import summary
 from workbench.measures.judder import judder, tractrix_line
 from workbench.measures.motion import Motion, chatter, follow

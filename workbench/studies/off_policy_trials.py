@@ -27,8 +27,8 @@ from workbench.formation.follower import LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower
-from workbench.lab.runs import learn
-from workbench.lab.trial import UNSEEN, Trial
+from workbench.lab.runs import UNSEEN, learn
+from workbench.lab.trial import Trial
 from workbench.measures.off_policy import Log, evaluate_log, make_log
 
 EPSILON = 0.1

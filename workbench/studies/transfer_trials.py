@@ -29,7 +29,8 @@ from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.table import INFRARED, SENSES
-from workbench.lab.trial import UNSEEN, Trial
+from workbench.lab.runs import UNSEEN
+from workbench.lab.trial import Trial
 from workbench.measures.errors import summary, true_errors, within
 from workbench.measures.motion import Motion, chatter
 from workbench.robot.geometry import CONTROL_PERIOD

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from workbench.formation.config import SETTINGS
 from workbench.formation.output import ACTIONS, LEARN_BY
-from workbench.lab.runs import learn
+from workbench.lab.runs import UNSEEN, learn
 from workbench.lab.study import Case, Rows, Study
-from workbench.lab.trial import OTHER_TRACKS, UNSEEN, Trial
+from workbench.lab.trial import OTHER_TRACKS, Trial
 from workbench.measures.comparisons import difference
 from workbench.plots.comparisons import dot_panels
 from workbench.studies.calm_trials import OUTPUTS, judged, noisy

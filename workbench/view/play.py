@@ -16,7 +16,7 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.table import Controller, check_controller
 from workbench.formation.policy import Policy
-from workbench.lab.runs import Run
+from workbench.lab.runs import Run, controller_of
 from workbench.measures.motion import Motion
 from workbench.plots.figures import png
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -26,12 +26,13 @@ Source = ConvoyConfig | Run | str | Path | LiveScene | StoredScene
 
 
 def scene_of(
-    source: Source, policy: Controller | None = None, *, learn: int = 0, drive: bool = False
+    source: Source, policy: Controller | Run | None = None, *, learn: int = 0, drive: bool = False
 ) -> LiveScene | StoredScene:
     """Return the scene that ``play`` shows.
 
     Args:
-        source: a configuration, simulated live; a run, of which the last whole block is shown; a
+        source: a configuration, simulated live; a run, of which the last whole block is shown, or
+            with ``drive`` what it learned, live; a
             recording that the live arena saved, whose leader drives again; or a scene.
         policy: who drives the followers, a policy or a law; default: a carrot, or θ₀ where they
             learn.
@@ -42,6 +43,10 @@ def scene_of(
         TypeError, ValueError: the source is nothing of these, or policy, learn or drive do not go
             with it.
     """
+    if isinstance(source, Run) and drive:  # live, and what it learned follows
+        policy = policy or source
+        source = source.config
+    policy = None if policy is None else controller_of(policy)
     if policy is not None:
         check_controller(policy)
     law = policy if isinstance(policy, ControlLaw) else None
@@ -79,7 +84,7 @@ def scene_of(
 
 def play(
     source: Source,
-    policy: Controller | None = None,
+    policy: Controller | Run | None = None,
     *,
     learn: int = 0,
     drive: bool = False,
