@@ -36,6 +36,8 @@ from .measures.smoothness import ldlj_vector as ldlj_vector
 from .measures.smoothness import sparc as sparc
 from .measures.verdicts import Verdict as Verdict
 from .measures.verdicts import ruling as ruling
+from .plots.groups import Comparison as Comparison
+from .plots.groups import compare as compare
 from .plots.figures import save_figure as save_figure
 from .robot.description import load_robot as load_robot
 from .robot.open import open_robot as open_robot

@@ -41,5 +41,6 @@ def heat(values: ArrayLike, label: str) -> str:
     return (
         f"<figure style='display:inline-block;margin:4px'><svg width='{columns * size}' "
         f"height='{rows * size}' role='img' aria-label='{html.escape(label, quote=True)}'>"
-        f"{''.join(parts)}</svg><figcaption style='font-size:11px'>{html.escape(label)}</figcaption></figure>"
+        f"{''.join(parts)}</svg>"
+        f"<figcaption style='font-size:11px'>{html.escape(label)}</figcaption></figure>"
     )
