@@ -82,8 +82,24 @@ def compare(
             f"seed {twice['seed'].iloc[0]} is twice in group {twice['group'].iloc[0]!r}; seeds are "
             "the unit of every interval: name groups that differ in something else"
         )
-    summary = by_quantity(table, ["group"], quantities)
+    summary = _summary(table, quantities)
     return Comparison(summary, table, _draw(summary, table, quantities))
+
+
+def _summary(table: pd.DataFrame, quantities: Sequence[str]) -> pd.DataFrame:
+    """Return means and intervals; a single run has none."""
+    alone = table.groupby("group")["seed"].transform("size") == 1
+    parts = [by_quantity(table[~alone], ["group"], quantities)] if not alone.all() else []
+    for line in table[alone].to_dict("records"):
+        told = {"group": line["group"], "low": math.nan, "high": math.nan, "seeds": 1}
+        parts.append(
+            pd.DataFrame([told | {"quantity": name, "value": line[name]} for name in quantities])
+        )
+    found = pd.concat(parts)
+    order = {name: k for k, name in enumerate([*quantities, *table["group"].unique()])}
+    return found.sort_values(
+        ["quantity", "group"], key=lambda column: column.map(order), ignore_index=True
+    )[["quantity", "group", "value", "low", "high", "seeds"]]
 
 
 def _grouped(runs: Sequence[Run]) -> dict[str, list[Run]]:
