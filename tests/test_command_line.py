@@ -1,5 +1,6 @@
 """The command line and the package as a user meets them."""
 
+import contextlib
 import json
 import os
 import signal
@@ -56,6 +57,28 @@ def test_learn_evaluate_and_resume_print_one_json_object_last(tmp_path, capsys):
     judged = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {"losses", "rms_distance_mm", "bearing_std_deg", "share_best_3x3"} <= set(judged)
     assert judged["drive"] == "wheels" and judged["simulated_minutes"] == pytest.approx(1)
+
+
+def test_a_terminal_gets_lines_and_a_machine_json(tmp_path):
+    """A real terminal: what a person sees, and what --json makes of it."""
+    command = [sys.executable, "-m", "workbench", "evaluate", "carrot", "--minutes", "0.2"]
+    command += ["--set", "drive=rolling"]
+    for machine in ([], ["--json"]):
+        person, terminal = os.openpty()
+        with subprocess.Popen([*command, *machine], stdout=terminal, stderr=subprocess.PIPE) as run:
+            os.close(terminal)
+            shown = b""
+            with contextlib.suppress(OSError):  # Linux's way to say that nobody writes any more
+                while part := os.read(person, 4096):
+                    shown += part
+            os.close(person)
+            assert run.wait() == 0
+        lines = shown.decode().splitlines()
+        if machine:
+            assert json.loads(lines[-1])["losses"] == 0
+        else:
+            words = dict(line.split() for line in lines)
+            assert words["losses"] == "0" and float(words["rms_distance_mm"]) > 0
 
 
 def test_a_classical_law_is_evaluated_by_its_name(capsys):
