@@ -99,8 +99,10 @@ def test_a_description_of_ones_own_is_read_from_a_path(tmp_path):
         )
     )
     robot = load_robot(path)
-    assert robot.body_radius_m == 0.05 and robot.wheel_radius_m == EPUCK.wheel_radius_m
-    assert robot.steps(0.03) == round(0.03 / EPUCK.step_m)
+    size = 0.05 / EPUCK.body_radius_m  # the wheels grow with the body
+    assert robot.body_radius_m == 0.05
+    assert robot.wheel_radius_m == pytest.approx(EPUCK.wheel_radius_m * size)
+    assert robot.steps(0.03) == round(0.03 / (EPUCK.step_m * size))
 
 
 @pytest.mark.parametrize(
@@ -173,3 +175,29 @@ def test_a_task_that_the_robot_cannot_do_is_refused(change, message):
         replace(config, **change)
     with pytest.raises(ValueError, match="this robot's wheels do at most"):
         LARGE.steps(math.inf)
+
+
+@pytest.mark.parametrize("size", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("drive", ["wheels", "rolling"])
+def test_four_numbers_make_a_robot_that_a_carrot_drives(tmp_path, size, drive):
+    """What a description leaves out grows with the body."""
+    place = tmp_path / "mine.json"
+    numbers = {"body_radius_m": 0.035 * size, "wheel_radius_m": 0.02 * size}
+    place.write_text(json.dumps(numbers | {"mass_kg": 0.15 * size**2.5, "most_steps": 900}))
+    robot = load_robot(place)
+    assert robot.track_m == pytest.approx(RobotConfig().track_m * size)
+    growth = robot.mass_kg / RobotConfig().mass_kg * size**2
+    grown = [growth * each for each in RobotConfig().inertia_kg_m2]
+    assert robot.inertia_kg_m2 == pytest.approx(grown)
+    config = wb.ConvoyConfig(drive=drive, sensing="truth-relative").with_robot(robot)
+    summary = wb.evaluate(wb.LAWS["carrot"](), config, minutes=4, progress=False).summary
+    assert summary["losses"] == summary["collisions"] == 0
+    assert summary["rms_distance_mm"] < 5 * size
+
+
+def test_a_leader_that_cannot_follow_its_line_is_told():
+    """Wheels of an e-puck under a body three times as wide, on curves for that body."""
+    wide = RobotConfig(body_radius_m=0.1, track_m=0.15)
+    config = wb.ConvoyConfig(drive="rolling", sensing="truth-relative").with_robot(wide)
+    with pytest.raises(RuntimeError, match=r"the leader is .* m from its line after 250 s"):
+        wb.evaluate(wb.LAWS["carrot"](), config, minutes=10, progress=False)

@@ -61,6 +61,7 @@ from workbench.formation.streams import CHILDREN, children
 from workbench.formation.task import fill_task
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
+from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import MODULES, WHITE
 
 BLOCK = 2500  # control periods
@@ -368,7 +369,24 @@ class Convoy:
             self._block[b, done:] = _UNUSED
             if done:  # a formation that has just finished took no step after its last commands
                 self.world.check(b, int(self.periods[b]) - int(self._formations["done"][b]))
+                self._check_leader(b, int(done))
         return self._block
+
+    def _check_leader(self, b: int, done: int) -> None:
+        """Raise RuntimeError if a leader that drives by itself has left its line for good."""
+        if self.task["run"]["external"][0] == 0:
+            return
+        leader = self._block[b, done - 1, 0]
+        away = abs(float(self.world.tracks[b].deviation([(leader["x"], leader["y"])])[0]))
+        robot = self.config.robot
+        reach = math.hypot(robot.ground_x_m, robot.ground_y_m) + self.config.track.line_width_m / 2
+        if away > reach:
+            raise RuntimeError(
+                f"seed {self.seeds[b]}: the leader is {away:.3f} m from its line after "
+                f"{int(self.periods[b]) * CONTROL_PERIOD:.0f} s, its ground sensors see no farther "
+                f"than {reach:.3f} m: expected a slower leader_speed_mps, wider curves "
+                "(track.radius_m), or a robot whose sizes fit each other (RobotConfig)"
+            )
 
     def _run_formations(self, physics: Engine) -> None:
         """Run a block formation by formation, physics in compiled code, on as many threads as the

@@ -43,7 +43,12 @@ class Comparison:
     runs: pd.DataFrame
     figure: Figure
 
+    def __repr__(self) -> str:
+        """Show the table."""
+        return str(self.table.to_string(index=False, float_format=lambda value: f"{value:.3g}"))
+
     def _repr_html_(self) -> str:
+        """Show the table and the figure."""
         picture = base64.b64encode(png(self.figure)).decode()
         shown = self.table.to_html(index=False, float_format="%.3g")
         return f"{shown}<img alt='mean, interval and runs' src='data:image/png;base64,{picture}'>"

@@ -1,8 +1,10 @@
 """What a robot with two driven wheels is, as one description: sizes, masses and motors. The
 defaults are the e-puck's.
 
-A description is a JSON file with any of the fields of ``RobotConfig``; what it leaves out is as on
-the e-puck. Files stand in ``data/robots/``; ``load_robot`` reads one of them by name, or any other
+A description is a JSON file with any of the fields of ``RobotConfig``. What it leaves out is an
+e-puck's, grown with the body: lengths with its radius r, the mass with r³, wheels' masses with the
+mass m, moments of inertia with m r²; motor steps stay, so that speeds grow with the wheels. Files
+stand in ``data/robots/``; ``load_robot`` reads one of them by name, or any other
 by path.
 
 >>> round(RobotConfig().most_mps, 4), load_robot("epuck") == RobotConfig()
@@ -16,6 +18,7 @@ are sensed by their poses.
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 from workbench import fields, paths
 from workbench.fields import configuration, integer, real, reals
@@ -158,6 +161,35 @@ def load_robot(name: str | Path) -> RobotConfig:
         )
     given.pop("source", None)  # what a reader should know of the numbers
     try:
-        return fields.from_dict(RobotConfig, given)
+        return fields.from_dict(RobotConfig, _grown(given))
     except (TypeError, ValueError) as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+_LENGTHS = (
+    "body_height_m",
+    "wheel_radius_m",
+    "track_m",
+    "slider_radius_m",
+    "slider_x_m",
+    "ground_x_m",
+    "ground_y_m",
+)
+
+
+def _grown(given: dict[str, Any]) -> dict[str, Any]:
+    """Return a description with what it leaves out, grown with the body."""
+    size = _against_epuck(given, "body_radius_m")
+    whole = {name: getattr(EPUCK, name) * size for name in _LENGTHS}
+    whole["mass_kg"] = EPUCK.mass_kg * size**3
+    mass = _against_epuck(whole | given, "mass_kg")
+    whole["wheel_mass_kg"] = EPUCK.wheel_mass_kg * mass
+    whole["inertia_kg_m2"] = [each * mass * size**2 for each in EPUCK.inertia_kg_m2]
+    return whole | given
+
+
+def _against_epuck(given: dict[str, Any], name: str) -> float:
+    """Return a number against the e-puck's; what is no number is refused by the field itself."""
+    value = given.get(name)
+    usable = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return value / getattr(EPUCK, name) if usable else 1.0

@@ -23,10 +23,12 @@ import nbformat
 from PIL import Image
 
 from workbench.lab.storage import write_bytes
+from workbench.robot.geometry import CONTROL_PERIOD
 
 WIDTH = 744  # pixels of the arena
-FRAMES_PER_S = 6
-LEARNING_S = 7.0  # of film
+FRAMES_PER_S = 6  # about
+LEARNING_SPEED, LEARNING_S = 5, 35.0  # as fast as that, and simulated seconds
+DRIVING_SPEED = 2
 TOKEN = "film"
 CELLS = (
     """from dataclasses import replace
@@ -37,16 +39,19 @@ run = wb.learn(config, steps=60_000, progress=False)
 wb.play(config, learn=60_000)""",
     "wb.play(config.with_seed(5), run.policy, drive=True)",
 )
-# what somebody who drives might do: keys held, and for how many seconds of film
+# what somebody who drives might do: keys held, and for how many simulated seconds
 KEYS = (
-    (("w",), 2.0),
-    (("w", "a"), 0.5),
-    (("w",), 1.6),
-    (("w", "d"), 0.9),
-    (("w",), 1.6),
-    (("w", "a"), 0.6),
-    (("w",), 1.6),
+    (("w",), 3.0),
+    (("w", "d"), 0.4),
+    (("w",), 3.0),
+    (("w", "d"), 0.4),
+    (("w",), 3.0),
+    (("w", "d"), 0.4),
+    (("w",), 3.0),
+    (("w", "a"), 0.4),
+    (("w",), 4.0),
 )
+Shot = tuple[bytes, float]
 
 
 @contextlib.contextmanager
@@ -80,14 +85,24 @@ def _server(folder: Path) -> Iterator[str]:
         server.wait()
 
 
-def _shoot(arena: Any, seconds: float) -> list[bytes]:
-    """Return pictures of an arena, FRAMES_PER_S of them a second."""
-    shots = []
-    for _ in range(round(seconds * FRAMES_PER_S)):
-        begun = time.monotonic()
-        shots.append(arena.screenshot())
-        time.sleep(max(0.0, 1 / FRAMES_PER_S - (time.monotonic() - begun)))
+def _shoot(arena: Any, seconds: float, speed: int) -> list[Shot]:
+    """Return pictures of an arena over simulated seconds, with how many milliseconds each stands in
+    the film: by the arena's own clock, so that a busy machine makes fewer pictures of the same.
+    """
+    shots: list[Shot] = []
+    at = begun = _periods(arena)
+    while at - begun < seconds / CONTROL_PERIOD:
+        picture = arena.screenshot()
+        time.sleep(1 / FRAMES_PER_S / 4)
+        until = _periods(arena)
+        if until > at:
+            shots.append((picture, 1000 * CONTROL_PERIOD * (until - at) / speed))
+            at = until
     return shots
+
+
+def _periods(arena: Any) -> int:
+    return int(arena.get_attribute("data-periods") or 0)
 
 
 def film(path: str | Path) -> int:
@@ -117,28 +132,28 @@ def film(path: str | Path) -> int:
     return len(shots)
 
 
-def _play(page: Any) -> list[bytes]:
+def _play(page: Any) -> list[Shot]:
     """Let one arena learn, drive the other by keys, and return the pictures of both."""
     learning, driven = (page.locator(".wba").nth(k) for k in range(2))
-    learning.locator(".speed").select_option("5")
+    learning.locator(".speed").select_option(str(LEARNING_SPEED))
     learning.locator(".play").click()
-    shots = _shoot(learning, LEARNING_S)
+    shots = _shoot(learning, LEARNING_S, LEARNING_SPEED)
     learning.locator(".play").click()
     driven.scroll_into_view_if_needed()
-    driven.locator(".speed").select_option("2")
+    driven.locator(".speed").select_option(str(DRIVING_SPEED))
     driven.locator("canvas").first.click(position={"x": 20, "y": 20})
     for keys, seconds in KEYS:
         for key in keys:
             page.keyboard.down(key)
-        shots += _shoot(driven, seconds)
+        shots += _shoot(driven, seconds, DRIVING_SPEED)
         for key in keys:
             page.keyboard.up(key)
     return shots
 
 
-def _animated(shots: list[bytes]) -> bytes:
+def _animated(shots: list[Shot]) -> bytes:
     """Return an animated PNG of pictures."""
-    frames = [Image.open(io.BytesIO(shot)).convert("RGB") for shot in shots]
+    frames = [Image.open(io.BytesIO(shot)).convert("RGB") for shot, _ in shots]
     width, height = frames[0].size
     # one palette for all, so that what stands still stays the same to the last bit
     some = Image.new("RGB", (width, 3 * height))
@@ -155,7 +170,7 @@ def _animated(shots: list[bytes]) -> bytes:
         format="PNG",
         save_all=True,
         append_images=frames[1:],
-        duration=1000 / FRAMES_PER_S,
+        duration=[round(stands) for _, stands in shots],
         loop=0,
         optimize=True,
     )
