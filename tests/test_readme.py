@@ -115,6 +115,9 @@ def test_its_numbers_are_those_of_the_tables():
     few, many = _told("late commands", r"loses (\S+) leaders instead of (\S+ \S+) at 0.2 s")
     assert int(few) == lost["9×9/7×7", "both"]
     assert int(many.replace(" ", "")) == lost["9×9/7×7", "none"]
+    at_3 = load_study("delays").query("world == 'judging' and late_s == 0.3 and route == 'camera'")
+    smooth = at_3[(at_3["table"] == "9×9/7×7, interpolated") & (at_3["prediction"] == "both")]
+    assert f"with interpolated commands {smooth['losses'].sum():.0f} at 0.3 s" in README
 
     copies = load_study("copies")
     calmed = copies[(copies["weights"] == "copied") & (copies["cures"] == "calm")]

@@ -23,10 +23,13 @@ from workbench.studies.transfer_trials import (
 )
 
 CALM = "5×3/3×3, calm"
+SMOOTH = "9×9/7×7, interpolated"
 
 
 def cases() -> Sequence[Case]:
-    """Return the conditions: all routes with the paper's tables, and with the recommended one."""
+    """Return the conditions: all routes with the paper's tables, with the recommended one, and with
+    the paper's large one read by interpolation.
+    """
     found: list[Case] = [
         (label, Trial(config=config, steps=steps, minutes=30.0))
         for label, config, steps in travels()
@@ -35,9 +38,10 @@ def cases() -> Sequence[Case]:
         calm = replace(
             base, state_tiles=(5, 3), action_levels=(3, 3), output="interpolated", trim=0.01
         )
-        found.append(
-            ({"route": route, "table": CALM}, Trial(config=calm, steps=steps, minutes=30.0))
-        )
+        smooth = replace(base, output="interpolated")
+        for name, config in ((CALM, calm), (SMOOTH, smooth)):
+            label = {"route": route, "table": name}
+            found.append((label, Trial(config=config, steps=steps, minutes=30.0)))
     return found
 
 
@@ -99,7 +103,7 @@ def _panels(
     found = against_nominal(table).dropna(subset=[value])
     found = found.assign(who=found["prediction"].map(WORDS))
     tables, ways = (list(found[name].unique()) for name in ("table", "route"))
-    fig = Figure(figsize=(9.6, 7.2), layout="constrained")
+    fig = Figure(figsize=(9.6, 9.2), layout="constrained")
     axes = fig.subplots(len(tables), len(ways), sharex=True, sharey=True)
     lines = by_condition(found, ["route", "table", "who", "late"], value)
     for row, name in zip(axes, tables, strict=True):
