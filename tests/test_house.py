@@ -23,7 +23,7 @@ ROOMS = (  # from the roof to the ground; a room may import from its own and fro
     "formation",
     "arena",
     "learning robot",  # these two know nothing of each other
-    "fields compiled functions paths sources __init__",
+    "fields compiled functions markup paths sources __init__",
 )
 MODULES = sorted(sources.PACKAGE.rglob("*.py"))
 

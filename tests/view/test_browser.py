@@ -341,7 +341,9 @@ def test_a_static_page_of_every_notebook_shows_every_picture_at_700_pixels(path,
     page_file.write_text(HTMLExporter().from_filename(str(path))[0], encoding="utf-8")
     notebook = nbformat.read(path, 4)
     outputs = [out for cell in notebook.cells if cell.cell_type == "code" for out in cell.outputs]
-    pictures = sum("image/png" in out.get("data", {}) for out in outputs)
+    told = [out.get("data", {}) for out in outputs]
+    pictures = sum("image/png" in data for data in told)
+    pictures += sum("<img" in data.get("text/html", "") for data in told)
     page, errors = narrow
     errors.clear()
     page.goto(Path(page_file).as_uri(), wait_until="domcontentloaded")

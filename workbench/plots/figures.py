@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from IPython.display import Image
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from workbench import fields, paths
@@ -209,6 +210,36 @@ def png(fig: Figure) -> bytes:
     bytes.
     """
     return _draw(fig, "png")
+
+
+def hasty_png(fig: Figure, like: Figure, width_px: int) -> bytes | None:
+    """Return the PNG of a figure with the layout of another that ``png`` has drawn, in a tenth of
+    its time; None where the two have different axes.
+    """
+    import cv2
+
+    pairs = list(zip(fig.axes, like.axes, strict=False))
+    if len(fig.axes) != len(like.axes):
+        return None
+    fig.set_layout_engine("none")
+    with style():
+        # text is as large on the page as there: a smaller figure, enlarged
+        factor = like.get_figheight() / fig.get_figheight()
+        fig.set_size_inches(like.get_figwidth() / factor, fig.get_figheight())
+        for ax, model in pairs:
+            ax.set_position(model.get_position(original=True))
+            for label, known in (
+                (ax.xaxis.label, model.xaxis.label.get_text()),
+                (ax.yaxis.label, model.yaxis.label.get_text()),
+            ):
+                if label.get_text() == known.replace("\n", " "):
+                    label.set_text(known)
+        fig.set_dpi(width_px / fig.get_figwidth())
+        canvas = FigureCanvasAgg(fig)
+        canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., [2, 1, 0]]
+    done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return data.tobytes() if done else None
 
 
 def _draw(fig: Figure, kind: str) -> bytes:

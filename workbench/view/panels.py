@@ -12,6 +12,7 @@ Contract: callbacks hold no science: they call the function with the controls' v
 it returns, or its error.
 """
 
+import asyncio
 import base64
 import html
 from collections.abc import Callable
@@ -21,10 +22,12 @@ from IPython.display import Image
 from matplotlib.figure import Figure
 
 from workbench import paths
-from workbench.plots.figures import png
+from workbench.plots.figures import hasty_png, png
 from workbench.view.explorers import History, infrared_explorer, learning_explorer, tile_explorer
 
 Draw = Callable[..., Figure]
+WIDTH = 700  # pixels
+REST_S = 0.3  # after which the picture is drawn with care
 
 
 class Slider(NamedTuple):
@@ -52,44 +55,87 @@ def panel(draw: Draw, **controls: Slider | Choice) -> Any:
         draw: a function of the controls' names that returns a figure.
         controls: see ``Slider`` and ``Choice``.
     """
-    first = {
-        name: control.options[0] if isinstance(control, Choice) else control.value
-        for name, control in controls.items()
-    }
+    first = {name: _first(control) for name, control in controls.items()}
     if paths.STATIC:
         return _picture(draw, first)
-    from ipywidgets import HTML, Image as Shown, VBox
+    from ipywidgets import HTML, Image as Shown
 
     parts = {name: _widget(name, control) for name, control in controls.items()}
-    shown = Shown(format="png", value=_picture(draw, first).data, layout={"max_width": "700px"})
+    last = draw(**first)
+    shown = Shown(format="png", value=png(last), layout={"max_width": f"{WIDTH}px"})
     said = HTML()
+    rest = _Rest()
 
     def change(_: object) -> None:
+        values = {name: part.value for name, part in parts.items()}
+
+        def careful() -> None:
+            nonlocal last
+            last = draw(**values)
+            shown.value = png(last)
+
         try:
-            shown.value = _picture(draw, {name: part.value for name, part in parts.items()}).data
+            # while a slider moves the layout stays
+            quick = hasty_png(draw(**values), last, WIDTH) if rest.possible else None
+            if quick is None:
+                careful()
+            else:
+                shown.value = quick
+                rest.then(careful)
             said.value = ""
-        except (
-            ArithmeticError,
-            ValueError,
-        ) as error:  # a combination that cannot be: the message says what would
+        except (ArithmeticError, ValueError) as error:
+            # a combination that cannot be: the message says what would
             said.value = f"<span style='color:#a00'>{html.escape(str(error))}</span>"
 
     for part in parts.values():
         part.observe(change, names="value")
 
+    return _kept([*parts.values(), said, shown], shown)
+
+
+def _first(control: Slider | Choice) -> Any:
+    return control.options[0] if isinstance(control, Choice) else control.value
+
+
+def _kept(parts: list[Any], shown: Any) -> Any:
+    """Return controls and a picture, which a stored notebook keeps."""
+    from ipywidgets import VBox
+
     class Panel(VBox):
-        """Controls and a picture, which a stored notebook keeps."""
+        """Controls and a picture."""
 
         def _repr_mimebundle_(self, **options: Any) -> Any:
             data = dict(super()._repr_mimebundle_(**options))
             picture = base64.b64encode(shown.value).decode()
-            return data | {"image/png": picture}, {"image/png": {"width": 700}}
+            return data | {"image/png": picture}, {"image/png": {"width": WIDTH}}
 
-    return Panel([*parts.values(), said, shown])
+    return Panel(parts)
+
+
+class _Rest:
+    """Something to do once controls rest, where a kernel's event loop runs."""
+
+    def __init__(self) -> None:
+        self._waiting: asyncio.TimerHandle | None = None
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is a loop that waits."""
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return False
+        return True
+
+    def then(self, what: Callable[[], None]) -> None:
+        """Do it once nothing else has been asked for REST_S."""
+        if self._waiting is not None:
+            self._waiting.cancel()
+        self._waiting = asyncio.get_running_loop().call_later(REST_S, what)
 
 
 def _picture(draw: Draw, values: dict[str, Any]) -> Image:
-    return Image(png(draw(**values)), width=700)
+    return Image(png(draw(**values)), width=WIDTH)
 
 
 def _widget(name: str, control: Slider | Choice) -> Any:
@@ -108,7 +154,6 @@ def _widget(name: str, control: Slider | Choice) -> Any:
         max=control.high,
         step=control.step,
         value=control.value,
-        continuous_update=False,
         layout={"width": "560px"},
         **look,
     )
