@@ -311,6 +311,9 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
         stored = nbformat.read(folder / "00_start_here.ipynb", 4)
         shown = [out for cell in stored.cells for out in cell.get("outputs", []) if "data" in out]
         live = [out.data for out in shown if WIDGET in out.data]
+        live = [
+            data for data in live if "functions" not in data["text/plain"]
+        ]  # a bar of compiling
         assert len(live) == 6 and all("image/png" in data for data in live)
         count = _number(learning, "periods")
         page.reload()
