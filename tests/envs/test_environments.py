@@ -2,7 +2,9 @@
 have seen and earned.
 """
 
+import copy
 import math
+import pickle
 import warnings
 from dataclasses import replace
 
@@ -41,7 +43,9 @@ def test_both_libraries_checkers_pass_without_a_warning(observation, actions):
 @pytest.mark.parametrize("name", ["workbench/Follow-v0", "workbench/FollowWheels-v0"])
 def test_registered_ids_make_environments_that_pass_with_their_pictures(name):
     env = gymnasium.make(name, render_mode="rgb_array")
-    check_env(env.unwrapped)
+    with warnings.catch_warnings():  # here is no display
+        warnings.filterwarnings("ignore", "render_mode = 'human' with matplotlib's backend")
+        check_env(env.unwrapped)
     assert env.unwrapped.config.drive == ("planar" if name.endswith("Follow-v0") else "wheels")
     env.reset(seed=1)
     assert env.render().shape == (240, 320, 3)
@@ -261,7 +265,7 @@ def test_what_has_not_begun_or_is_over_says_so():
     with pytest.raises(TypeError, match="config is a dict; expected a ConvoyConfig"):
         wb.FollowEnv({})
     with pytest.raises(ValueError, match="expected one whole number"):
-        FollowVectorEnv(2).reset(seed=[1, 2])
+        FollowVectorEnv(2).reset(seed=[1, 2, 3])
 
 
 def test_a_reward_that_fails_says_where_at_once_and_is_forgotten_at_a_reset():
@@ -298,7 +302,7 @@ def test_a_restart_of_the_simulation_is_not_for_environments():
             "with sensing = 'truth'; expected sensing = 'ir-metric' or 'ir-raw'",
         ),
         ({"seconds": 0.0}, "seconds = 0.0; expected at least 1, and more than 0"),
-        ({"render_mode": "human"}, "render_mode = 'human'; expected None or 'rgb_array'"),
+        ({"render_mode": "ansi"}, "render_mode = 'ansi'; expected None, 'rgb_array' or 'human'"),
     ],
 )
 def test_refusals_name_what_was_given_and_what_is_expected(options, message):
@@ -316,3 +320,97 @@ def test_options_of_a_reset_that_nothing_would_follow_are_refused():
     for env in (wb.FollowEnv(), FollowVectorEnv(2), wb.ConvoyEnv()):
         with pytest.raises(ValueError, match="options = {'speed': 1}; expected none"):
             env.reset(seed=1, options={"speed": 1})
+
+
+def test_info_says_what_is_so_whatever_the_senses_say():
+    noisy = replace(PLANAR, noise_distance_m=0.01)
+    env = wb.FollowEnv(noisy)
+    _, told = env.reset(seed=2)
+    assert set(told) == {"distance_m", "bearing_rad", "lost", "contact"}
+    for _ in range(50):
+        seen, _, over, _, told = env.step(24)
+        world = env.convoy.world
+        (x, y, _), (a, b, heading) = world.pose(0, 0), world.pose(0, 1)
+        assert told["distance_m"] == pytest.approx(math.hypot(x - a, y - b), abs=1e-6)
+        bearing = math.atan2(y - b, x - a) - heading
+        assert math.cos(told["bearing_rad"] - bearing) == pytest.approx(1, abs=1e-9)
+        assert told["lost"] is over and told["contact"] is False
+        if over:
+            break
+    away = seen[0] * noisy.half_range_m + noisy.middle_m - told["distance_m"]
+    assert 1e-5 < abs(away) < 0.06  # what is seen is not what is so
+
+    vector = FollowVectorEnv(3, PLANAR)
+    _, told = vector.reset(seed=2)
+    assert told["distance_m"].shape == (3,) and told["_distance_m"].all()
+    agents = wb.ConvoyEnv(PLANAR)
+    _, told = agents.reset(seed=2)
+    assert set(told) == set(agents.agents) and told["follower_4"]["distance_m"] > 0.08
+
+
+def _drive(env, actions):
+    return [env.step(action) for action in actions]
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("drive", ["planar", "rolling", "wheels"])
+def test_a_copy_goes_on_as_the_original_would(how, drive):
+    config = replace(PLANAR, drive=drive, noise_distance_m=0.002, body=BodyConfig(slip=0.02))
+    env = FollowVectorEnv(2, config)
+    env.reset(seed=5)
+    rng = np.random.default_rng(0)
+    actions = rng.integers(0, 49, (60, 2))
+    _drive(env, actions[:30])
+    other = how(env)
+    for own, copied in zip(_drive(env, actions[30:]), _drive(other, actions[30:]), strict=True):
+        np.testing.assert_array_equal(own[0], copied[0])
+        np.testing.assert_array_equal(own[1], copied[1])
+    again = how(FollowVectorEnv(2, config))  # one that has not begun
+    np.testing.assert_array_equal(again.reset(seed=5)[0], env.reset(seed=5)[0])
+
+
+def test_some_formations_begin_anew_and_the_others_go_on():
+    env = FollowVectorEnv(3, PLANAR)
+    env.reset(seed=1)
+    before, *_ = _drive(env, [np.full(3, 24)] * 20)[-1]
+    seen, _ = env.reset(options={"reset_mask": np.array([False, True, False])})
+    np.testing.assert_array_equal(seen[[0, 2]], before[[0, 2]])
+    assert not np.array_equal(seen[1], before[1]) and env._core.age.tolist() == [20, 0, 20]
+    for mask in ([True], np.array([1, 0, 1])):
+        with pytest.raises(ValueError, match=r"reset_mask.*expected \(3,\) of True or False"):
+            env.reset(options={"reset_mask": mask})
+    with pytest.raises(ValueError, match="a seed makes all formations anew"):
+        env.reset(seed=1, options={"reset_mask": np.array([True] * 3)})
+
+
+def test_every_formation_may_have_a_seed_of_its_own():
+    env = FollowVectorEnv(2, PLANAR)
+    together, _ = env.reset(seed=[7, 3])
+    tracks = [track.line.copy() for track in env.convoy.world.tracks]
+    env.reset(seed=[3, 7])
+    np.testing.assert_array_equal(env.convoy.world.tracks[1].line, tracks[0])
+    again, _ = env.reset(seed=np.array([7, 3]))
+    np.testing.assert_array_equal(again, together)
+    for wrong in ([1], ["a", "b"], 1.5):
+        with pytest.raises(ValueError, match="expected one whole number .* or 2 of them"):
+            env.reset(seed=wrong)
+
+
+def test_a_person_is_shown_what_happens():
+    matplotlib = pytest.importorskip("matplotlib")
+    assert matplotlib.get_backend().lower() == "agg"
+    env = wb.FollowEnv(PLANAR, render_mode="human")
+    with pytest.warns(UserWarning, match="'agg', which has no window: run it in a notebook"):
+        env.reset(seed=1)
+    first = env._window._image.get_array().copy()
+    _drive(env, [24] * 20)
+    assert env.render() is None
+    assert not np.array_equal(env._window._image.get_array(), first)
+    env.close()
+    assert env._window._image is None
+
+
+def test_options_are_in_the_help_of_every_environment():
+    for kind in (wb.FollowEnv, FollowVectorEnv, wb.ConvoyEnv):
+        for option in ("observation:", "actions:", "reward:", "seconds:", "render_mode:"):
+            assert option in kind.__doc__

@@ -6,16 +6,7 @@
                       ids with make_vec
     ConvoyEnv         pettingzoo.ParallelEnv: all followers of one formation, each an agent
 
-Options of all three, after the configuration (default: planar drive):
-
-    observation   "errors": distance and bearing error in units of their bounds, clipped to ±2;
-                  "tiles": the number of the state tile, one more for outside the bounds;
-                  "infrared": eight proximity readings in counts (with infrared sensing)
-    actions       "discrete": pairs of speed levels, a = i_left * levels + i_right; "continuous":
-                  left and right speed, from -1, the slowest level, to 1, the fastest
-    reward        a function of your own, r(u, v), see ``functions``; default: the
-                  configuration's
-    seconds       of simulated time after which an episode is truncated
+Their options are said in their own documentation: ``help(FollowEnv)``.
 
 >>> env = FollowEnv(observation="tiles", actions="discrete")
 >>> state, _ = env.reset(seed=1)
@@ -35,8 +26,9 @@ side by side need seeds). Equal seeds and actions give equal results for an equa
 formations.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import gymnasium
 import numpy as np
@@ -49,12 +41,37 @@ from pettingzoo import ParallelEnv
 from workbench.arena.picture import picture
 from workbench.envs.formations import Flags, Floats, Formations
 from workbench.envs.registration import register
+from workbench.envs.window import Window
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.own_reward import Reward
 from workbench.robot.geometry import CONTROL_PERIOD
 
 _PLANAR = ConvoyConfig(drive="planar")
+_OPTIONS = """
+
+    Options, after the configuration (default: planar drive):
+        observation: "errors": distance and bearing error in units of their bounds, clipped to ±2;
+            "tiles": the number of the state tile, one more for outside the bounds; "infrared":
+            eight proximity readings in counts (with infrared sensing).
+        actions: "discrete": pairs of speed levels, a = i_left * levels + i_right; "continuous":
+            left and right speed, from -1, the slowest level, to 1, the fastest.
+        reward: a function of your own, r(u, v), see ``functions``; default: the configuration's.
+        seconds: of simulated time after which an episode is truncated.
+        render_mode: "rgb_array": ``render`` returns a picture; "human": every step is shown, in a
+            window of matplotlib's or below the cell of a notebook.
+
+    What is so, whatever the senses say, is in ``info``: distance_m and bearing_rad of the robot in
+    front, lost, and contact (the two touch). Copies (``copy.deepcopy``) and pickles go on as the
+    original would.
+    """
+T = TypeVar("T", bound=type)
+
+
+def _with_options(cls: T) -> T:
+    """Add the options that all environments have to a class's documentation."""
+    cls.__doc__ = f"{(cls.__doc__ or '').rstrip()}{_OPTIONS}"
+    return cls
 
 
 def _alone(config: ConvoyConfig) -> ConvoyConfig:
@@ -62,12 +79,13 @@ def _alone(config: ConvoyConfig) -> ConvoyConfig:
     return replace(config, followers=1) if isinstance(config, ConvoyConfig) else config
 
 
+@_with_options
 class FollowEnv(gymnasium.Env[Any, Any]):
     """One follower behind the leader, as a gymnasium environment; of a configuration's followers
     only the first is there.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)}
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)}
 
     def __init__(
         self,
@@ -83,6 +101,7 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         self._core = Formations(_alone(config), 1, observation, actions, reward, seconds)
         self.config = self._core.config
         self.render_mode = render_mode
+        self._window = Window()
         self._over = False
         self.observation_space = self._core.observation_space
         self.action_space = self._core.action_space
@@ -100,7 +119,8 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         _refuse(options)
         _begin(self._core, seed)
         self._over = False
-        return self._see(), {}
+        self._show()
+        return self._see(), self._told()
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Carry out an action for 0.1 s."""
@@ -110,17 +130,30 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         terminated = bool(lost[0, 0])
         truncated = bool(self._core.age[0] >= self._core.limit)
         self._over = terminated or truncated
-        return self._see(), float(reward[0, 0]), terminated, truncated, {}
+        self._show()
+        return self._see(), float(reward[0, 0]), terminated, truncated, self._told()
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the arena, (240, 320, 3), with render_mode "rgb_array"."""
-        return picture(self.convoy.world) if self.render_mode else None
+        return picture(self.convoy.world) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._window.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self._window.show(picture(self.convoy.world))
+
+    def _told(self) -> dict[str, Any]:
+        return {name: each[0, 0].item() for name, each in self._core.truth().items()}
 
     def _see(self) -> Any:
         seen = self._core.observe()[0, 0]
         return seen if self._core.observation != "tiles" else np.int64(seen)
 
 
+@_with_options
 class FollowVectorEnv(VectorEnv[Any, Any, Any]):
     """Many followers, each in a formation and on a track of its own, as one gymnasium vector
     environment.
@@ -131,7 +164,7 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
 
     metadata = {
         "autoreset_mode": AutoresetMode.NEXT_STEP,
-        "render_modes": ["rgb_array"],
+        "render_modes": ["human", "rgb_array"],
         "render_fps": round(1 / CONTROL_PERIOD),
     }
 
@@ -151,6 +184,7 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         self.config = self._core.config
         self.num_envs = num_envs
         self.render_mode = render_mode
+        self._window = Window()
         self.single_observation_space = self._core.observation_space
         self.single_action_space = self._core.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -163,20 +197,27 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         return self._core.convoy
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in every formation; with a seed, make everything anew: formation k from
-        seed + k.
+        """Begin an episode in every formation, or in those of ``options["reset_mask"]``, (num_envs)
+        of bool. With a seed, make everything anew: formation k from seed + k, or from seed[k].
         """
-        if seed is not None and not isinstance(seed, (int, np.integer)):
-            raise ValueError(
-                f"seed = {seed!r}; expected one whole number: formation k is made from seed + k"
-            )
-        super().reset(seed=seed)
+        options = dict(options or {})
+        mask = _mask(options.pop("reset_mask", None), self.num_envs, seed)
+        seed = _seeds(seed, self.num_envs)
+        super().reset(seed=seed if isinstance(seed, int) else None)
         _refuse(options)
-        _begin(self._core, seed)
-        self._ended[:] = False
-        return self._core.observe()[:, 0], {}
+        if mask is None or self._core.new:
+            _begin(self._core, seed)
+            self._ended[:] = False
+        else:
+            self._core.begin(np.flatnonzero(mask))
+            self._ended[mask] = False
+        self._show()
+        return self._core.observe()[:, 0], self._told()
 
     def step(self, actions: Any) -> tuple[Any, Floats, Flags, Flags, dict[str, Any]]:
         """Carry out one action per formation for 0.1 s."""
@@ -187,17 +228,29 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         terminated = lost[:, 0]
         truncated = self._core.age >= self._core.limit
         self._ended = terminated | truncated
-        return self._core.observe()[:, 0], reward[:, 0], terminated, truncated, {}
+        self._show()
+        return self._core.observe()[:, 0], reward[:, 0], terminated, truncated, self._told()
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of every formation, (240, 320, 3) each, with render_mode "rgb_array"."""
-        return (
-            tuple(picture(self.convoy.world, b) for b in range(self.num_envs))
-            if self.render_mode
-            else None
-        )
+        shown = self.render_mode == "rgb_array"
+        return tuple(picture(self.convoy.world, b) for b in range(self.num_envs)) if shown else None
+
+    def close_extras(self, **options: Any) -> None:
+        """Close the window, if there is one."""
+        self._window.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":  # the first formation
+            self._window.show(picture(self.convoy.world))
+
+    def _told(self) -> dict[str, Any]:
+        told = self._core.truth()
+        every = np.ones(self.num_envs, bool)  # gymnasium's way to say which have it
+        return {name: each[:, 0] for name, each in told.items()} | {f"_{n}": every for n in told}
 
 
+@_with_options
 class ConvoyEnv(ParallelEnv[str, Any, Any]):
     """All followers of one formation, each an agent that follows the one in front, as a pettingzoo
     parallel environment.
@@ -208,7 +261,7 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
 
     metadata = {
         "name": "convoy_v0",
-        "render_modes": ["rgb_array"],
+        "render_modes": ["human", "rgb_array"],
         "render_fps": round(1 / CONTROL_PERIOD),
     }
 
@@ -226,6 +279,7 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         self._core = Formations(config, 1, observation, actions, reward, seconds)
         self.config = self._core.config
         self.render_mode = render_mode
+        self._window = Window()
         self.possible_agents = [f"follower_{k}" for k in range(1, config.followers + 1)]
         self.agents: list[str] = []
         one = self._core.observation_space
@@ -254,7 +308,8 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
             _refuse(options)
         _begin(self._core, seed)
         self.agents = list(self.possible_agents)
-        return self._see(), {agent: {} for agent in self.agents}
+        self._show()
+        return self._see(), self._told()
 
     def step(
         self, actions: dict[str, Any]
@@ -282,11 +337,27 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         truncated = {agent: over and not terminated[agent] for agent in agents}
         if over:
             self.agents = []
-        return seen, rewards, terminated, truncated, {agent: {} for agent in agents}
+        self._show()
+        return seen, rewards, terminated, truncated, self._told()
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the arena, (240, 320, 3), with render_mode "rgb_array"."""
-        return picture(self.convoy.world) if self.render_mode else None
+        return picture(self.convoy.world) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._window.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self._window.show(picture(self.convoy.world))
+
+    def _told(self) -> dict[str, dict[str, Any]]:
+        told = self._core.truth()
+        return {
+            agent: {name: each[0, k].item() for name, each in told.items()}
+            for k, agent in enumerate(self.possible_agents)
+        }
 
     def _see(self) -> dict[str, Any]:
         seen = self._core.observe()[0]
@@ -296,10 +367,46 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         }
 
 
-def _begin(core: Formations, seed: int | None) -> None:
+def _seeds(seed: Any, count: int) -> int | list[int] | None:
+    """Return a seed, or one for each of several formations.
+
+    Raises:
+        ValueError: it is nothing of these.
+    """
+    if seed is None or isinstance(seed, (int, np.integer)):
+        return None if seed is None else int(seed)
+    several = list(seed) if isinstance(seed, (list, tuple, np.ndarray)) else []
+    if len(several) != count or not all(isinstance(each, (int, np.integer)) for each in several):
+        raise ValueError(
+            f"seed = {seed!r}; expected one whole number (formation k is made from seed + k), or "
+            f"{count} of them"
+        )
+    return [int(each) for each in several]
+
+
+def _mask(mask: Any, count: int, seed: Any) -> Flags | None:
+    """Return which formations begin anew, None for all.
+
+    Raises:
+        ValueError: it is no mask, or comes with a seed.
+    """
+    if mask is None:
+        return None
+    found = np.asarray(mask)
+    if found.shape != (count,) or found.dtype != np.bool_:
+        raise ValueError(f"options['reset_mask'] = {mask!r}; expected ({count},) of True or False")
+    if seed is not None:
+        raise ValueError(
+            f"seed = {seed!r} with options['reset_mask']; expected one or the other: a seed makes "
+            "all formations anew"
+        )
+    return found
+
+
+def _begin(core: Formations, seed: int | list[int] | None) -> None:
     """Begin episodes; the first time, or with a seed, make everything anew."""
     if seed is not None or core.new:
-        core.build(core.config.seed if seed is None else int(seed))
+        core.build(core.config.seed if seed is None else seed)
     else:
         core.begin(np.arange(core.formations))
 
@@ -308,14 +415,15 @@ def _refuse(options: dict[str, Any] | None) -> None:
     """Refuse options of a reset: none would be followed."""
     if options:
         raise ValueError(
-            f"options = {options!r}; expected none: what an episode is like is said when the "
-            "environment is made (config, seconds), its chance by seed"
+            f"options = {options!r}; expected none (of many formations, reset_mask): what an "
+            "episode is like is said when the environment is made (config, seconds), its chance "
+            "by seed"
         )
 
 
 def _check_render(render_mode: str | None) -> None:
-    if render_mode not in (None, "rgb_array"):
-        raise ValueError(f"render_mode = {render_mode!r}; expected None or 'rgb_array'")
+    if render_mode not in (None, "rgb_array", "human"):
+        raise ValueError(f"render_mode = {render_mode!r}; expected None, 'rgb_array' or 'human'")
 
 
 def _copy(space: spaces.Space[Any]) -> spaces.Space[Any]:

@@ -12,6 +12,7 @@ of them, others stand still.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,6 +32,7 @@ from workbench.robot.infrared import ADC, SENSORS
 
 OBSERVATIONS = ("errors", "tiles", "infrared")
 ACTIONS = ("discrete", "continuous")
+_MADE = ("_convoy", "_clock", "_steps", "own")  # not kept with a copy
 CLIP = 2.0  # errors in units of their bounds, at most
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -52,6 +54,7 @@ class Formations:
     ) -> None:
         _check(config, formations, observation, actions, reward, seconds)
         self._convoy: Convoy | None = None
+        self._reward = reward
         config, self.own = with_reward(config, reward)
         # who puts followers back is the environment: a formation must not restart by itself
         self.config = replace(config, reset="manoeuvre")
@@ -86,17 +89,43 @@ class Formations:
             raise RuntimeError("the environment has not begun; call reset() first")
         return self._convoy
 
-    def build(self, seed: int) -> None:
-        """Make all formations anew and begin an episode in each."""
-        seeds = [seed + k for k in range(self.formations)]
+    def build(self, seed: int | Sequence[int]) -> None:
+        """Make all formations anew, formation k from seed + k or from seed[k], and begin an episode
+        in each.
+        """
+        alone = isinstance(seed, int)
+        seeds = [seed + k for k in range(self.formations)] if isinstance(seed, int) else seed
+        self._make(seeds)
+        self.rng = np.random.default_rng([seeds[0], 1] if alone else [*seeds, 1])
+        self.t = 0
+        self.age = np.zeros(self.formations, np.int64)
+        self.begin(np.arange(self.formations))
+
+    def _make(self, seeds: Sequence[int]) -> None:
+        """Make the formations of these seeds."""
         self._convoy = Convoy(
             self.config, seeds, periods=10**12, policy=Outside(), reward=self.own, threads=1
         )
-        self.rng = np.random.default_rng([seed, 1])
-        self.t = 0
-        self.age = np.zeros(self.formations, np.int64)
         self._clock = self._convoy.world.batch.bind("time")
-        self.begin(np.arange(self.formations))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy, or a file, needs: compiled code and the physics are made anew."""
+        state = {name: value for name, value in vars(self).items() if name not in _MADE}
+        if self._convoy is not None:
+            convoy = self._convoy
+            state["running"] = convoy.seeds, convoy.state(), convoy.drawn.copy()
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        running = state.pop("running", None)
+        vars(self).update(state)
+        self._convoy = None
+        self.own = with_reward(self.config, self._reward)[1]
+        if running is not None:
+            seeds, told, drawn = running
+            self._make(seeds)
+            self.convoy.load(told)
+            self.convoy.drawn[:] = drawn
 
     def begin(self, which: NDArray[np.int64]) -> None:
         """Begin an episode in some formations: line them up until every follower sees the one in
@@ -156,12 +185,28 @@ class Formations:
         """Let everybody who takes part sense; return rewards and losses of actions that end now,
         (B, followers) each.
         """
-        steps = self.convoy.period(self.t)
+        steps = self._steps = self.convoy.period(self.t)
         self.t += 1
         resting = self.convoy.resting[:, None] != 0
         reward = steps["reward"][:, 1:].astype(np.float64)
         lost = steps["event"][:, 1:] & LOSS != 0
         return np.where(resting, 0.0, reward), lost & ~resting
+
+    def truth(self) -> dict[str, NDArray[Any]]:
+        """Return what is so, whatever the senses say, (B, followers) each: distance in m and
+        bearing in rad of the robot in front, whether it was lost now, whether the two touch.
+        """
+        x, y, heading = (self._steps[name].astype(np.float64) for name in ("x", "y", "heading"))
+        dx, dy = x[:, :-1] - x[:, 1:], y[:, :-1] - y[:, 1:]
+        distance = np.hypot(dx, dy)
+        bearing = (np.arctan2(dy, dx) - heading[:, 1:] + np.pi) % (2 * np.pi) - np.pi
+        touch = 2 * self.config.robot.body_radius_m
+        return {
+            "distance_m": distance,
+            "bearing_rad": bearing,
+            "lost": self._steps["event"][:, 1:] & LOSS != 0,
+            "contact": distance < touch,
+        }
 
     def act(
         self, actions: NDArray[Any], running: NDArray[np.int64] | None = None

@@ -535,6 +535,13 @@ class Convoy:
             into = self._chance[draw.field][b, :, draw.robots]
             into[:] = (stream.random if draw.uniform else stream.standard_normal)(into.shape)
 
+    @property
+    def drawn(self) -> NDArray[np.void]:
+        """The chance of the running block, (B, BLOCK, followers + 1) of type CHANCE: what goes on
+        within a block depends on it, too.
+        """
+        return self._chance
+
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that the next block depends on, as copies of plain arrays."""
         chance = [{name: rng[name].bit_generator.state for name in CHILDREN} for rng in self.rngs]
