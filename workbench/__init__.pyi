@@ -14,6 +14,8 @@ from .formation.laws.table import quantised_carrot as quantised_carrot
 from .formation.places import still_world as still_world
 from .formation.policy import Policy as Policy
 from .lab.compiling import prepare as prepare
+from .lab.outsiders import evaluate_own as evaluate_own
+from .lab.outsiders import learn_own as learn_own
 from .lab.runs import Run as Run
 from .lab.runs import evaluate as evaluate
 from .lab.runs import evaluate_seeds as evaluate_seeds
