@@ -55,7 +55,7 @@ def test_learn_evaluate_and_resume_print_one_json_object_last(tmp_path, capsys):
     assert {**again, "wall_s": 0} == {**learned, "wall_s": 0}
     assert main(["evaluate", out, "--minutes", "1", "--seed", "2", "--drive", "wheels"]) == 0
     judged = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert {"losses", "rms_distance_mm", "bearing_std_deg", "share_best_3x3"} <= set(judged)
+    assert {"losses", "rms_distance_error_mm", "bearing_std_deg", "share_best_3x3"} <= set(judged)
     assert judged["drive"] == "wheels" and judged["simulated_minutes"] == pytest.approx(1)
 
 
@@ -78,7 +78,7 @@ def test_a_terminal_gets_lines_and_a_machine_json(tmp_path):
             assert json.loads(lines[-1])["losses"] == 0
         else:
             words = dict(line.split(maxsplit=1) for line in lines)
-            assert words["losses"] == "0" and float(words["rms_distance_mm"]) > 0
+            assert words["losses"] == "0" and float(words["rms_distance_error_mm"]) > 0
 
 
 def test_a_classical_law_is_evaluated_by_its_name(capsys):
@@ -98,7 +98,9 @@ def test_a_classical_law_is_evaluated_by_its_name(capsys):
         == 0
     )
     judged = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert judged["losses"] == judged["collisions"] == 0 and 0 < judged["rms_distance_mm"] < 10
+    assert (
+        judged["losses"] == judged["collisions"] == 0 and 0 < judged["rms_distance_error_mm"] < 10
+    )
 
 
 @pytest.mark.parametrize(
@@ -153,7 +155,7 @@ def test_a_named_setting_is_where_a_run_starts_from(tmp_path, capsys):
     config = wb.load_run(out).config
     assert (config.output, config.state_tiles, config.followers) == ("interpolated", (5, 3), 2)
     judged = main(["evaluate", out, "--minutes", "1"])
-    assert judged == 0 and "rms_distance_mm" in capsys.readouterr().out
+    assert judged == 0 and "rms_distance_error_mm" in capsys.readouterr().out
 
 
 def test_studies_are_listed_with_their_questions(capsys):

@@ -50,7 +50,7 @@ def test_other_rewards_and_laws_do_something_else():
 def test_a_greedy_evaluation_needs_no_reward_and_says_that_it_knows_none():
     run = wb.learn(CONFIG, steps=4000, reward=_quadratic, progress=False)
     judged = wb.evaluate(run.policy, run.config, minutes=5, progress=False)
-    assert judged.summary["mean_reward"] is None and judged.summary["rms_distance_mm"] > 0
+    assert judged.summary["mean_reward"] is None and judged.summary["rms_distance_error_mm"] > 0
 
 
 def test_a_run_is_continued_only_with_the_same_reward(tmp_path):

@@ -189,8 +189,8 @@ def test_trim_takes_away_a_constant_offset():
         wb.evaluate(table, replace(base, trim=gain), minutes=3, progress=False).summary
         for gain in (0.0, 0.01)
     )
-    assert abs(without["mean_distance_mm"]) > 1.0
-    assert abs(trimmed["mean_distance_mm"]) < abs(without["mean_distance_mm"]) / 3
+    assert abs(without["mean_distance_error_mm"]) > 1.0
+    assert abs(trimmed["mean_distance_error_mm"]) < abs(without["mean_distance_error_mm"]) / 3
 
 
 # relative actions

@@ -77,7 +77,7 @@ def test_a_learner_from_outside_learns_to_follow_and_its_run_is_like_any_other(t
     config = replace(CONFIG, state_tiles=(5, 5), action_levels=(3, 3))
     run = wb.learn_own(TabularQ(config), config, steps=20_000, progress=False)
     late = wb.evaluate(run, minutes=5, progress=False).summary
-    assert late["losses"] <= 1 and late["rms_distance_mm"] < 20
+    assert late["losses"] <= 1 and late["rms_distance_error_mm"] < 20
     run.save(tmp_path / "run")
     assert wb.load_run(tmp_path / "run").summary == run.summary
 
@@ -125,7 +125,7 @@ def test_a_law_from_outside_does_what_its_compiled_twin_does():
 
     inside = wb.evaluate(wb.OwnLaw(function=twin), CONFIG, minutes=2, progress=False).summary
     outside = wb.evaluate_own(FromOutside(), CONFIG, minutes=2, progress=False).summary
-    for name in ("losses", "rms_distance_mm", "bearing_std_deg"):
+    for name in ("losses", "rms_distance_error_mm", "bearing_std_deg"):
         assert outside[name] == pytest.approx(inside[name], rel=0.02), name
 
 

@@ -119,7 +119,9 @@ def test_summary_by_hand():
     assert numbers["share_best_cell_all_time"] == pytest.approx(0.75 * 4 / 6)
     assert numbers["share_best_3x3_all_time"] == pytest.approx(4 / 6)
     assert numbers["best_cell"] == [4, 4] and numbers["losses"] == 1
-    assert numbers["rms_distance_mm"] == pytest.approx(math.sqrt((9 + 9 + 1 + 25) / 4), rel=1e-6)
+    assert numbers["rms_distance_error_mm"] == pytest.approx(
+        math.sqrt((9 + 9 + 1 + 25) / 4), rel=1e-6
+    )
     assert numbers["bearing_mean_deg"] == pytest.approx(-1.0, rel=1e-6)
     assert numbers["bearing_std_deg"] == pytest.approx(math.sqrt((1 + 9 + 1 + 25) / 4), rel=1e-6)
     assert numbers["mean_reward"] == -2.0

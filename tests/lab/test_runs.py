@@ -48,7 +48,7 @@ def test_the_summary_has_the_keys_that_others_rely_on():
     summary = learn(PLANAR, steps=500, progress=False).summary
     wanted = (
         "steps share_best_cell share_best_3x3 share_best_3x3_last_third losses "
-        "losses_last_third rms_distance_mm "
+        "losses_last_third rms_distance_error_mm "
     )
     wanted += "bearing_std_deg bearing_mean_deg share_best_cell_all_time share_best_3x3_all_time"
     assert set(wanted.split()) <= set(summary)

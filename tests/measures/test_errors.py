@@ -45,7 +45,7 @@ def test_a_summary_is_of_the_chosen_and_nothing_is_no_number():
     bearing = np.radians([[3.0, 90.0], [1.0, 90.0]])
     chosen = np.array([[True, False], [True, False]])
     found = summary(distance, bearing, chosen, wanted_m=0.15)
-    assert found["rms_distance_mm"] == pytest.approx(10)
+    assert found["rms_distance_error_mm"] == pytest.approx(10)
     assert found["rms_bearing_deg"] == pytest.approx(np.sqrt(5))
     assert found["bearing_std_deg"] == pytest.approx(1)
     assert all(np.isnan(list(summary(distance, bearing, ~chosen & chosen, wanted_m=1.0).values())))

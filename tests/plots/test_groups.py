@@ -48,3 +48,12 @@ def test_what_cannot_be_compared_is_refused(runs):
         wb.compare({"a": [runs[0], runs[3]]})
     with pytest.raises(ValueError, match="quantity 'loses'; expected one of"):
         wb.compare(runs, ["loses"])
+
+
+def test_no_interval_of_what_counts_or_spreads_reaches_below_0(runs):
+    runs = [replace(run) for run in runs[:3]]
+    for run, losses in zip(runs, (0, 0, 40), strict=True):
+        vars(run)["summary"] = run.summary | {"losses": losses, "mean_reward": losses - 20.0}
+    table = wb.compare({"all": runs}, ["losses", "mean_reward"]).table.set_index("quantity")
+    assert table.loc["losses", "low"] == 0.0 < table.loc["losses", "value"]
+    assert table.loc["mean_reward", "low"] < -20.0  # has a sign

@@ -192,7 +192,7 @@ def test_four_numbers_make_a_robot_that_a_carrot_drives(tmp_path, size, drive):
     config = wb.ConvoyConfig(drive=drive, sensing="truth-relative").with_robot(robot)
     summary = wb.evaluate(wb.LAWS["carrot"](), config, minutes=4, progress=False).summary
     assert summary["losses"] == summary["collisions"] == 0
-    assert summary["rms_distance_mm"] < 5 * size
+    assert summary["rms_distance_error_mm"] < 5 * size
 
 
 def test_a_leader_that_cannot_follow_its_line_is_told():

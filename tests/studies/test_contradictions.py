@@ -53,17 +53,17 @@ def _e5(table):
 def _e7(table):
     copies = table["weights"] == "copied"
     bad = _put(table, copies, losses=9.0)
-    return _scaled(bad, 10.0, "rms_distance_mm", "rms_bearing_deg", where=copies)
+    return _scaled(bad, 10.0, "rms_distance_error_mm", "rms_bearing_deg", where=copies)
 
 
 def _e8(table):
     judging = table["world"] == "judging"
-    return _scaled(_put(table, judging, losses=9.0), 10.0, "rms_distance_mm", where=judging)
+    return _scaled(_put(table, judging, losses=9.0), 10.0, "rms_distance_error_mm", where=judging)
 
 
 def _e10(table):
     learner = table["controller"] == "learner"
-    names = ["following_rms_distance_mm", "following_bearing_std_deg", "turn_rms_deg_s"]
+    names = ["following_rms_distance_error_mm", "following_bearing_std_deg", "turn_rms_deg_s"]
     bad = _scaled(table, 50.0, *names, where=learner)
     return _put(bad, learner, following_losses=3.0, learning_losses=0.0)
 
@@ -76,7 +76,7 @@ def _e11(table):
 
 def _e9(table):
     bad = _put(table, judged_losses=9.0, judged_share_inside=0.1)
-    return _scaled(bad, 100.0, "judged_rms_distance_mm")
+    return _scaled(bad, 100.0, "judged_rms_distance_error_mm")
 
 
 def _l6(table):
@@ -89,12 +89,12 @@ def _l6(table):
 def _n5(table):
     warped = table["world"].str.contains("distortion")
     bad = _put(table, warped, share_inside_last_third=0.1)
-    return _scaled(bad, 9.0, "rms_distance_mm", "bearing_std_deg", where=warped)
+    return _scaled(bad, 9.0, "rms_distance_error_mm", "bearing_std_deg", where=warped)
 
 
 def _s3(table):
     linear = table["world"] == "linear tiles"
-    return _scaled(table, 0.01, "rms_distance_mm", "bearing_std_deg", where=linear)
+    return _scaled(table, 0.01, "rms_distance_error_mm", "bearing_std_deg", where=linear)
 
 
 def _x2(table):
@@ -104,7 +104,9 @@ def _x2(table):
 
 def _c1(table):
     own = table["setting"] == "recommended"
-    return _put(table, own, rms_distance_mm=50.0, bearing_ripple_deg=9.0, losses=3.0, turning=90.0)
+    return _put(
+        table, own, rms_distance_error_mm=50.0, bearing_ripple_deg=9.0, losses=3.0, turning=90.0
+    )
 
 
 def _pattern(table):

@@ -34,7 +34,7 @@ def test_a_line_is_what_learning_and_frozen_following_did():
     motion = follow(run.policy, SMALL.with_seed(4 + UNSEEN), minutes=2.5)
     distance, bearing = motion.errors()
     where = motion.following[:, 1:]
-    assert numbers["following_rms_distance_mm"] == pytest.approx(
+    assert numbers["following_rms_distance_error_mm"] == pytest.approx(
         1000 * np.sqrt(np.mean((distance[where] - 0.15) ** 2))
     )
     assert numbers["following_bearing_std_deg_2"] == pytest.approx(
@@ -64,17 +64,17 @@ def test_losses_of_a_frozen_drive_are_the_losses_that_the_robots_had():
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_every_controller_can_be_measured(controller):
     numbers = measure_motion(Trial(config=SMALL, controller=controller, steps=2000, minutes=2))
-    assert numbers["following_rms_distance_mm"] < 60 and numbers["judder_mm_0"] > 2
+    assert numbers["following_rms_distance_error_mm"] < 60 and numbers["judder_mm_0"] > 2
     if controller == "tractrix":
-        assert numbers["following_rms_distance_mm"] < 0.01 and numbers["excess_1"] == pytest.approx(
-            1.0, abs=0.03
-        )
+        assert numbers["following_rms_distance_error_mm"] < 0.01 and numbers[
+            "excess_1"
+        ] == pytest.approx(1.0, abs=0.03)
 
 
 def test_noise_counts_in_sensing_and_not_in_the_measure():
     noisy = replace(SMALL, noise_distance_m=0.02)
     numbers = measure_motion(Trial(config=noisy, controller="carrot", minutes=2))
-    assert numbers["following_rms_distance_mm"] < 15  # the noise alone has 20 mm
+    assert numbers["following_rms_distance_error_mm"] < 15  # the noise alone has 20 mm
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -83,7 +83,7 @@ def test_every_rule_learns_to_follow(rule):
         drive="planar", seed=2, learner=LearnerConfig(rule=rule, eta=1.0 if rule == "qrc" else 0.01)
     )
     numbers = measure_rival(Trial(config=config, steps=60_000, minutes=3))
-    assert numbers["following_losses"] == 0 and numbers["following_rms_distance_mm"] < 15
+    assert numbers["following_losses"] == 0 and numbers["following_rms_distance_error_mm"] < 15
     assert {"judder_mm_1", "learning_losses", "excess_1"} <= set(
         numbers
     ) and "ldlj_vector_1" not in numbers

@@ -184,11 +184,16 @@ def test_a_trial_reports_what_learn_and_evaluate_report():
     run = learn(PLANAR, steps=31_000, progress=False)
     judged = evaluate(run.policy, PLANAR.with_seed(1 + UNSEEN), minutes=2, progress=False)
     assert numbers["losses"] == run.summary["losses"] > 0
-    assert numbers["rms_distance_mm_last_third"] == run.summary["rms_distance_mm_last_third"]
-    assert numbers["greedy_rms_distance_mm"] == judged.summary["rms_distance_mm"]
+    assert (
+        numbers["rms_distance_error_mm_last_third"]
+        == run.summary["rms_distance_error_mm_last_third"]
+    )
+    assert numbers["greedy_rms_distance_error_mm"] == judged.summary["rms_distance_error_mm"]
     assert numbers["greedy_losses"] == judged.summary["losses"]
     widely = measure_widely(replace(trial, steps=3000))
-    assert {"eight_losses", "replan_rms_distance_mm", "greedy_losses", "losses"} <= set(widely)
+    assert {"eight_losses", "replan_rms_distance_error_mm", "greedy_losses", "losses"} <= set(
+        widely
+    )
 
 
 def test_the_first_lossfree_block_is_a_whole_one_without_any_loss():

@@ -128,7 +128,7 @@ def test_delays_are_judged_in_one_world():
     assert {name for name in numbers if name.endswith("losses")} == {
         f"{world}_{prediction}_losses" for world in worlds for prediction in PREDICTIONS
     }
-    late = [numbers[f"delay_{k}_none_rms_distance_mm"] for k in DELAYS]
+    late = [numbers[f"delay_{k}_none_rms_distance_error_mm"] for k in DELAYS]
     assert len(set(late)) == len(DELAYS)
 
 
@@ -144,9 +144,9 @@ def test_copies_are_judged_follower_by_follower_on_the_robots_that_learned():
     for cures in ("none", "calm"):
         for kind in ("own", "copied", "last", "shared", "range"):
             for follower in (1, 2):
-                assert 0 < numbers[f"{kind}_{cures}_rms_distance_mm_{follower}"] < 70
+                assert 0 < numbers[f"{kind}_{cures}_rms_distance_error_mm_{follower}"] < 70
         own, copied = (
-            [numbers[f"{kind}_{cures}_rms_distance_mm_{k}"] for k in (1, 2)]
+            [numbers[f"{kind}_{cures}_rms_distance_error_mm_{k}"] for k in (1, 2)]
             for kind in ("own", "copied")
         )
         assert own[0] == copied[0]  # the first keeps its own weights

@@ -36,8 +36,8 @@ def _transfer():
                         "delay": delay,
                         "judged_losses": 0 if delay == 0 else 7,
                         "judged_share_inside": 1.0 if delay == 0 else late,
-                        "judged_rms_distance_mm": 6.0 + 6 * delay,
-                        "nominal_rms_distance_mm": 6.0 if training == "nominal" else 5.0,
+                        "judged_rms_distance_error_mm": 6.0 + 6 * delay,
+                        "nominal_rms_distance_error_mm": 6.0 if training == "nominal" else 5.0,
                         "judged_turn_rms_deg_s": 20.0,
                         "nominal_turn_rms_deg_s": 15.0,
                         "learning_minutes_to_lossfree": np.nan
@@ -105,7 +105,7 @@ def test_whose_weights_lost_whom_is_counted():
     for number, kind in enumerate(copies.WHOSE):
         for k in range(1, 5):
             line |= {f"{kind}_none_losses_{k}": number * k, f"{kind}_calm_losses_{k}": 0}
-            for error in ("rms_distance_mm", "bias_mm", "ripple_mm"):
+            for error in ("rms_distance_error_mm", "bias_mm", "ripple_mm"):
                 line |= {f"{kind}_{cures}_{error}_{k}": 1.0 * k for cures in copies.CURED}
     lines = [line | {"seed": seed} for seed in (1, 2)]
     table = _rows(copies, lines, ("setting", "robots", "seed"))
@@ -122,14 +122,14 @@ def test_lateness_and_noise_are_levels():
     late = [{"route": "camera", "table": "5×5/3×3", "seed": seed} for seed in (1, 2)]
     noisy = [{"route": "ir-raw", "training": "nominal", "seed": seed} for seed in (1, 2)]
     for line in late:
-        line["nominal_none_rms_distance_mm"] = 5.0
+        line["nominal_none_rms_distance_error_mm"] = 5.0
         for k in range(4):
             numbers = {"losses": k * (line["seed"] - 1), "share_inside": 1.0}
-            numbers["rms_distance_mm"] = 5.0 * k
+            numbers["rms_distance_error_mm"] = 5.0 * k
             line |= {f"delay_{k}_none_{name}": value for name, value in numbers.items()}
     for line in noisy:
         for k in range(6):
-            numbers = {"losses": k, "share_inside": 1 - k / 10, "rms_distance_mm": 3.0}
+            numbers = {"losses": k, "share_inside": 1 - k / 10, "rms_distance_error_mm": 3.0}
             line |= {f"{name}_noise_{k}": value for name, value in numbers.items()}
     delayed = _rows(delays, late, ("route", "table", "seed"))
     louder = _rows(gap, noisy, ("route", "training", "seed"))

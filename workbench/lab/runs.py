@@ -60,7 +60,7 @@ _SHOWN = {  # of a summary, for people
     "losses": "losses",
     "collisions": "collisions",
     "share_best_3x3": "visits in the best 3×3 tiles",
-    "rms_distance_mm": "RMS distance error, mm",
+    "rms_distance_error_mm": "RMS distance error, mm",
     "bias_mm": "… bias, mm",
     "ripple_mm": "… ripple, mm",
     "bearing_std_deg": "bearing spread, °",

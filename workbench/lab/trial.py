@@ -85,11 +85,11 @@ def _numbers_of(trial: Trial, run: Run) -> dict[str, float]:
     judged = replace(trial.config, seed=trial.config.seed + UNSEEN, reset="manoeuvre")
     learned = run.summary
     greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
-    late = ("losses_per_hour", "rms_distance_mm", "bearing_std_deg")
+    late = ("losses_per_hour", "rms_distance_error_mm", "bearing_std_deg")
     kept = (
         "losses",
-        "mean_distance_mm",
-        "rms_distance_mm",
+        "mean_distance_error_mm",
+        "rms_distance_error_mm",
         "bias_mm",
         "ripple_mm",
         "bearing_mean_deg",
@@ -115,7 +115,7 @@ def measure_widely(trial: Trial) -> dict[str, float]:
     for name, track in OTHER_TRACKS.items():
         judged = replace(trial.config, seed=trial.config.seed + UNSEEN, track=track)
         greedy = evaluate(run.policy, judged, minutes=trial.minutes / 3, progress=False).summary
-        for key in ("losses", "rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
+        for key in ("losses", "rms_distance_error_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
             result[f"{name}_{key}"] = _number(greedy[key])
     return _numbers_of(trial, run) | result
 
@@ -196,7 +196,7 @@ def _follow_sections(trial: Trial, theta: NDArray[np.float64]) -> dict[str, floa
         result[f"greedy_losses_per_hour_{k + 1}"] = (
             float(lost[k] / hours[k]) if hours[k] else math.nan
         )
-        result[f"greedy_rms_distance_mm_{k + 1}"] = (
+        result[f"greedy_rms_distance_error_mm_{k + 1}"] = (
             1000 * math.sqrt(square[k] / visits[k]) if visits[k] else math.nan
         )
     return result

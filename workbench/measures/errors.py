@@ -5,7 +5,7 @@ what that comes to over a drive.
 >>> line = np.stack([np.stack([0.06 * t + 0.16, 0 * t], 1), np.stack([0.06 * t, 0 * t], 1)], 1)
 >>> distance, bearing = Motion.of_path(line, fs=10.0).errors()
 >>> found = summary(distance, bearing, np.ones_like(distance, bool), wanted_m=0.15)
->>> round(found["rms_distance_mm"], 6), round(found["bearing_std_deg"], 6)
+>>> round(found["rms_distance_error_mm"], 6), round(found["bearing_std_deg"], 6)
 (10.0, 0.0)
 
 Lengths in mm, angles in degrees; errors where nobody was chosen are NaN.
@@ -20,7 +20,7 @@ from workbench.formation.config import ConvoyConfig
 from workbench.measures.motion import Motion
 
 SUMMARY = (
-    "rms_distance_mm",
+    "rms_distance_error_mm",
     "rms_bearing_deg",
     "bearing_std_deg",
     "bias_mm",
@@ -57,7 +57,8 @@ def summary(
         wanted_m: the distance that followers are to keep.
 
     Returns:
-        rms_distance_mm, rms_bearing_deg and bearing_std_deg, the bearing's spread about its mean;
+        rms_distance_error_mm, rms_bearing_deg and bearing_std_deg, the bearing's spread about its
+        mean;
         bias_mm and ripple_mm, of which the former is how far followers stand off on average (RMS of
         their means) and the latter how far they move about that: bias² + ripple² = rms²; and
         bearing_ripple_deg, the same of the bearing.

@@ -18,14 +18,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from workbench.fields import flat
+from workbench.fields import did_you_mean, flat
 from workbench.lab.runs import Run
 from workbench.measures.comparisons import by_quantity
 from workbench.plots.comparisons import dots, one_note
 from workbench.plots.figures import png
 from workbench.plots.style import CYCLE, style
 
-USUAL = ("losses", "rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg")
+USUAL = ("losses", "rms_distance_error_mm", "bias_mm", "ripple_mm", "bearing_std_deg")
 _COLUMNS = 3  # panels side by side
 
 
@@ -75,6 +75,7 @@ def compare(
             if unknown:
                 raise ValueError(
                     f"quantity {unknown[0]!r}; expected one of {', '.join(run.summary)}"
+                    + did_you_mean(unknown[0], run.summary)
                 )
             numbers = {name: run.summary[name] for name in quantities}
             lines.append({"group": group, "seed": run.config.seed} | numbers)
@@ -101,6 +102,9 @@ def _summary(table: pd.DataFrame, quantities: Sequence[str]) -> pd.DataFrame:
             pd.DataFrame([told | {"quantity": name, "value": line[name]} for name in quantities])
         )
     found = pd.concat(parts)
+    # Counts, shares and root mean squares have no mean below 0, wherever an interval ends.
+    unsigned = ~found["quantity"].str.contains("mean")
+    found.loc[unsigned, "low"] = found.loc[unsigned, "low"].clip(lower=0.0)
     order = {name: k for k, name in enumerate([*quantities, *table["group"].unique()])}
     return found.sort_values(
         ["quantity", "group"], key=lambda column: column.map(order), ignore_index=True

@@ -118,7 +118,7 @@ def measure_bound(trial: Trial) -> dict[str, float]:
 TICKS = ((0.001, 0.01, 0.1), (0.5, 1, 2, 5, 10, 20), (1, 2, 5, 10, 20, 50))
 PANELS = {
     "cost": "− mean reward per step",
-    "rms_distance_mm": "RMS distance error in mm",
+    "rms_distance_error_mm": "RMS distance error in mm",
     "turning": "turning above 1 Hz in °/s",
 }
 

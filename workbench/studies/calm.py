@@ -54,7 +54,7 @@ def beside_law(table: pd.DataFrame, noise: str, kept: str) -> pd.DataFrame:
     lines = []
     for setting, part in of.groupby("setting", sort=False):
         own = part.set_index("seed")
-        for value in ("rms_distance_mm", "turning"):
+        for value in ("rms_distance_error_mm", "turning"):
             ratio = own[value] / reference[value]
             lines.append((setting, value, *interval(ratio), len(ratio)))
     return pd.DataFrame(lines, columns=["setting", "measure", "value", "low", "high", "seeds"])
@@ -103,7 +103,7 @@ def under_noise(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     named = {"none": "not filtered", "alpha-beta": "filtered"}
     of = of.assign(condition=of["noise"] + ", " + of["filter"].map(named))
     of["condition"] = of["condition"].replace("none, not filtered", "none")
-    shown = {"rms_distance_mm": "RMS distance error in mm", "turning": PANELS["turning"]}
+    shown = {"rms_distance_error_mm": "RMS distance error in mm", "turning": PANELS["turning"]}
     fig = Figure(figsize=(9.6, 4.2), layout="constrained")
     axes = fig.subplots(1, 2, sharey=True)
     numbers = by_quantity(of, ["condition", "setting"], shown)
@@ -128,7 +128,9 @@ def verdict(table: pd.DataFrame) -> Verdict:
     of = drives(table)
     own = of[(of["setting"] == "recommended") & (of["output"] == MAIN)]
     clean = own[own["noise"] == "none"]
-    rms, ripple = (interval(clean[name]) for name in ("rms_distance_mm", "bearing_ripple_deg"))
+    rms, ripple = (
+        interval(clean[name]) for name in ("rms_distance_error_mm", "bearing_ripple_deg")
+    )
     lost = clean["losses"] > 0
     share = share_interval(int(lost.sum()), len(lost))
     ratios = {
@@ -145,7 +147,7 @@ def verdict(table: pd.DataFrame) -> Verdict:
         f"{int(lost.sum())} of {len(lost)} runs lose anybody (up to {100 * share[2]:.0f} %); "
         f"turning {said(*turning[['value', 'low', 'high']])} × the tuned carrot's (greedy: "
         f"{said(*before)} °/s). With 2 mm, 2° and the same filter: RMS "
-        f"{said(*loud.loc['rms_distance_mm', ['value', 'low', 'high']])} ×, turning "
+        f"{said(*loud.loc['rms_distance_error_mm', ['value', 'low', 'high']])} ×, turning "
         f"{said(*loud.loc['turning', ['value', 'low', 'high']])} ×; n = {len(lost)} seeds, wheels"
     )
     fails = (

@@ -40,7 +40,11 @@ def measure_camera(trial: Trial, *, pixel_minutes: float = PIXEL_MINUTES) -> dic
     learned = run.summary
     greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
     kept = ("share_best_cell", "share_best_3x3", "losses")
-    late = ("share_best_3x3_last_third", "rms_distance_mm_last_third", "bearing_std_deg_last_third")
+    late = (
+        "share_best_3x3_last_third",
+        "rms_distance_error_mm_last_third",
+        "bearing_std_deg_last_third",
+    )
     result = {
         name: float(learned[name]) if learned[name] is not None else math.nan
         for name in kept + late
@@ -60,7 +64,7 @@ def measure_camera(trial: Trial, *, pixel_minutes: float = PIXEL_MINUTES) -> dic
     return result
 
 
-_NAMES = ("losses", "rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg")
+_NAMES = ("losses", "rms_distance_error_mm", "bias_mm", "ripple_mm", "bearing_std_deg")
 
 
 def followed(policy: Policy, config: ConvoyConfig, minutes: float) -> dict[str, float]:

@@ -22,7 +22,7 @@ OTHER = BodyConfig(wheel_spread=0.02, axle_spread=0.02)  # robots that are not a
 HORIZON = 1_000_000  # updates of the study of smoothness, over which ε falls
 # how a trial's main numbers are called on axes
 GREEDY = {
-    "greedy_rms_distance_mm": "greedy RMS distance error in mm",
+    "greedy_rms_distance_error_mm": "greedy RMS distance error in mm",
     "greedy_bearing_std_deg": "greedy bearing spread in degrees",
 }
 LOSSES_AND_GREEDY = {"losses": "losses while learning"} | GREEDY

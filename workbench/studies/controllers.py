@@ -98,7 +98,7 @@ TICKS = (
 )
 # measure → its words, the margin of being similar, and whether it is one of a ratio
 COMPARED = {
-    "following_rms_distance_mm": ("mm RMS", SIMILAR_MM, False),
+    "following_rms_distance_error_mm": ("mm RMS", SIMILAR_MM, False),
     "following_bearing_std_deg": ("° spread", SIMILAR_DEG, False),
     "turning": ("turning", SIMILAR_TURNING, True),
 }

@@ -54,7 +54,7 @@ WHOSE = {
     "shared": "learned together",
     "range": "the first's, learned at many speeds",
 }
-ERRORS = {"rms_distance_mm": "distance", "rms_bearing_deg": "bearing"}
+ERRORS = {"rms_distance_error_mm": "distance", "rms_bearing_deg": "bearing"}
 CLOSE, FAR = 1.1, 1.25  # of one's own error: the mean, and the far end of its interval
 
 
@@ -104,7 +104,7 @@ def errors_in_line(table: pd.DataFrame, setting: str, cures: str = "none") -> pd
     for whose, words in WHOSE.items():
         for follower in range(1, 5):
             of = part[(part["weights"] == whose) & (part["robot"] == follower)]
-            for error in ("rms_distance_mm", "bias_mm", "ripple_mm"):
+            for error in ("rms_distance_error_mm", "bias_mm", "ripple_mm"):
                 line = by_condition(of, ["robots"], error)
                 lines.append(line.assign(weights=words, follower=follower, error=error))
     return pd.concat(lines)
@@ -131,7 +131,7 @@ def each_run(table: pd.DataFrame) -> pd.DataFrame:
     keys = ["setting", "robots", "cures", "seed", "robot"]
     found = table.set_index(["weights", *keys])
     own, copied = (found.loc[whose] for whose in ("own", "copied"))
-    ratio = copied["rms_distance_mm"] / own["rms_distance_mm"].loc[copied.index]
+    ratio = copied["rms_distance_error_mm"] / own["rms_distance_error_mm"].loc[copied.index]
     lost = (copied["losses"] > 0) | (own["losses"].loc[copied.index] > 0)
     runs = pd.DataFrame({"ratio": ratio, "lost": lost}).reset_index()
     return runs[runs["robot"] > 1]

@@ -57,11 +57,11 @@ def against_nominal(table: pd.DataFrame) -> pd.DataFrame:
     """
     keys = ["route", "table", "seed"]
     plain = table[(table["world"] == "nominal") & (table["prediction"] == "none")]
-    nominal = plain.set_index(keys)["rms_distance_mm"]
+    nominal = plain.set_index(keys)["rms_distance_error_mm"]
     late = table[table["world"] == "judging"].sort_values("late_s", kind="stable")
     own = nominal.loc[pd.MultiIndex.from_frame(late[keys])].to_numpy()
     return late.assign(
-        degradation=late["rms_distance_mm"] / own,
+        degradation=late["rms_distance_error_mm"] / own,
         late=late["late_s"],
         case=late["route"] + ", " + late["table"],
     )

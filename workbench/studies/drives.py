@@ -26,7 +26,7 @@ WHO = {
 # what a drive may differ by from wheels, set before the data: words, margin, whether it is a share
 MARGINS = {
     "learning_losses": ("losses while learning", 0.25, True),
-    "following_rms_distance_mm": ("RMS distance error (mm)", 0.5, False),
+    "following_rms_distance_error_mm": ("RMS distance error (mm)", 0.5, False),
     "following_bearing_std_deg": ("bearing spread (°)", 0.25, False),
     "judder_mm_1": ("judder of follower 1 (mm)", 0.25, False),
     "turn_rms_deg_s_1": ("turning above 1 Hz (°/s)", 0.25, True),
@@ -85,14 +85,14 @@ def verdict(table: pd.DataFrame) -> Verdict:
         f"their margins{outside}; n = {STUDY.seeds} seeds"
     )
     claim = "A formation that rolls without an engine learns, follows and moves as one on wheels."
-    errors = ["following_rms_distance_mm", "following_bearing_std_deg"]
+    errors = ["following_rms_distance_error_mm", "following_bearing_std_deg"]
     main = rolling.loc[errors]["within"]
     others = rolling.drop(index=errors, level="quantity")["within"]
     fails = "an error's interval that leaves its margin; then one of losses, judder or turning"
     return Verdict("drives", claim, ruling(bool(main.all()), *others), because, fails)
 
 
-PANELS = ("following_rms_distance_mm", "following_bearing_std_deg", "turn_rms_deg_s_1")
+PANELS = ("following_rms_distance_error_mm", "following_bearing_std_deg", "turn_rms_deg_s_1")
 STUDY = Study(
     "drives",
     __doc__,

@@ -39,7 +39,7 @@ def cases() -> Sequence[Case]:
 
 VALUES = {
     "share_inside": "share of time inside the bounds",
-    "rms_distance_mm": "RMS distance error (mm)",
+    "rms_distance_error_mm": "RMS distance error (mm)",
 }
 
 
@@ -63,7 +63,7 @@ def losses_by_noise(table: pd.DataFrame) -> pd.DataFrame:
 
 def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw losses and errors against the factor on the noise, a column per route."""
-    shown = {"losses": "losses in 10 min", "rms_distance_mm": "RMS distance error (mm)"}
+    shown = {"losses": "losses in 10 min", "rms_distance_error_mm": "RMS distance error (mm)"}
     routes_of = list(table["route"].unique())
     fig = Figure(figsize=(9.6, 5.2), layout="constrained")
     axes = fig.subplots(2, len(routes_of), sharex=True, sharey="row")

@@ -41,7 +41,7 @@ def cases() -> Sequence[Case]:
 
 VALUES = {
     "share_inside_last_third": "share inside, last third",
-    "rms_distance_mm": "RMS distance error inside (mm)",
+    "rms_distance_error_mm": "RMS distance error inside (mm)",
     "bearing_std_deg": "bearing inside, sd (°)",
 }
 

@@ -65,7 +65,7 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
         "updates": float(convoy.updates[0]),
         "share_inside_last_third": float(inside.mean()),
         "share_inside_worst_follower": float(inside.mean(axis=0).min()),
-        "rms_distance_mm": errors["rms_distance_mm"],
+        "rms_distance_error_mm": errors["rms_distance_error_mm"],
         "bias_mm": errors["bias_mm"],
         "ripple_mm": errors["ripple_mm"],
         "bearing_std_deg": errors["bearing_std_deg"],

@@ -48,7 +48,7 @@ def cases() -> Sequence[Case]:
 
 HOPELESS = ("offsets not calibrated", "blinding light")  # worlds in which nobody follows
 # of the claim that counts do not matter: share, mm (half the middle metric tile), degrees
-MARGINS = {"share_inside_last_third": 0.01, "rms_distance_mm": 2.0, "bearing_std_deg": 1.0}
+MARGINS = {"share_inside_last_third": 0.01, "rms_distance_error_mm": 2.0, "bearing_std_deg": 1.0}
 ASSUMED = {"world": "as assumed"}
 
 
@@ -58,7 +58,7 @@ def plot(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     rest = away[~away["world"].isin(HOPELESS)]
     words = {
         "outside": "time outside, last third (%)",
-        "rms_distance_mm": "RMS distance error (mm)",
+        "rms_distance_error_mm": "RMS distance error (mm)",
     }
     lines = {value: by_condition(rest, ["route", "world"], value) for value in words}
     fig = Figure(figsize=(9.6, 6.6), layout="constrained")
@@ -94,15 +94,16 @@ def counts_do_not_matter(table: pd.DataFrame) -> Verdict:
         for value, margin in MARGINS.items()
     ]
     each = "; ".join(
-        f"{warp} {said(line, 'mm')}" for warp, line in change["rms_distance_mm"].iterrows()
+        f"{warp} {said(line, 'mm')}" for warp, line in change["rms_distance_error_mm"].iterrows()
     )
     turned = change["bearing_std_deg"][["low", "high"]].abs().max().max()
     far = 100 * change["share_inside_last_third"][["low", "high"]].abs().max().max()
     words = (
         f"share inside within {far:.2f} points, bearing spread within {turned:.1f}° (ends of all "
         f"intervals); RMS distance error: {each}; margins: "
-        f"{100 * MARGINS['share_inside_last_third']:g} point, {MARGINS['rms_distance_mm']:g} mm "
-        f"(half width of the middle metric tile), {MARGINS['bearing_std_deg']:g}°"
+        f"{100 * MARGINS['share_inside_last_third']:g} point, "
+        f"{MARGINS['rms_distance_error_mm']:g} mm (half width of the middle metric tile), "
+        f"{MARGINS['bearing_std_deg']:g}°"
     )
     claim = "The absolute counts do not matter, as the learner adapts."
     fails = "an interval of the share inside that leaves its margin; then one of an error"
@@ -114,7 +115,7 @@ def logarithmic_tiles(table: pd.DataFrame) -> Verdict:
     pairs = table[table["world"].isin(["as assumed", "linear tiles"])]
     lines = {}
     for route, part in pairs.groupby("route"):
-        for value in ("rms_distance_mm", "bearing_std_deg"):
+        for value in ("rms_distance_error_mm", "bearing_std_deg"):
             found = difference(part, ["world"], value, ASSUMED).set_index("world")
             lines[f"{route}, {value.split('_')[0]}", value.split("_")[-1]] = found.loc[
                 "linear tiles"

@@ -43,7 +43,7 @@ _RIVAL = (
     "following_losses",
     "following_collisions",
     "following_share",
-    "following_rms_distance_mm",
+    "following_rms_distance_error_mm",
     "following_bias_mm",
     "following_ripple_mm",
     "following_bearing_std_deg",
@@ -162,7 +162,7 @@ def _followed(motion: Motion, wanted_m: float) -> dict[str, float]:
     }
     for name, part in parts.items():
         errors = summary(distance, bearing, following & part, wanted_m=wanted_m)
-        for kind in ("rms_distance_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
+        for kind in ("rms_distance_error_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
             result[f"following_{kind}{name}"] = errors[kind]
     return result
 

@@ -53,7 +53,7 @@ LEARNERS = {  # name → rule and η of the table
 REFERENCE = "Greedy-GQ(λ), η 0.01"
 PANELS = {
     "learning_losses": "losses while learning",
-    "following_rms_distance_mm": "frozen: RMS distance error in mm",
+    "following_rms_distance_error_mm": "frozen: RMS distance error in mm",
     "following_bearing_std_deg": "frozen: bearing spread in °",
 }
 MEASURES = PANELS | {
@@ -166,7 +166,7 @@ def verdict(table: pd.DataFrame) -> Verdict:
     )
     judged = tuned(table)
     worse = {}
-    for value in ("learning_losses", "following_rms_distance_mm"):
+    for value in ("learning_losses", "following_rms_distance_error_mm"):
         effect = difference(judged, ["learner"], value, {"learner": REFERENCE})
         worse[value] = set(effect[effect["low"] > 0]["learner"])
     rivals = set(judged["learner"]) - {REFERENCE}

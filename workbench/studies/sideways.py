@@ -122,7 +122,7 @@ def per_block(runs: Sequence[Run]) -> pd.DataFrame:
             "updates": run.records["starts"],
             "losses_per_hour": sums[:, SUMS.index("losses")] / hours,
             "share_outside": outside,
-            "rms_distance_mm": 1000
+            "rms_distance_error_mm": 1000
             * np.sqrt(
                 sums[:, SUMS.index("distance2")] / np.maximum(sums[:, SUMS.index("visits")], 1)
             ),

@@ -35,7 +35,7 @@ def cases() -> Sequence[Case]:
     return cases
 
 
-ALONG = {"distance": "greedy_rms_distance_mm", "bearing": "greedy_bearing_std_deg"}
+ALONG = {"distance": "greedy_rms_distance_error_mm", "bearing": "greedy_bearing_std_deg"}
 
 
 def precision(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:

@@ -46,11 +46,11 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
     world.
     """
     keys = ["route", "table", "seed"]
-    nominal = table[table["training"] == "nominal"].set_index(keys)["nominal_rms_distance_mm"]
+    nominal = table[table["training"] == "nominal"].set_index(keys)["nominal_rms_distance_error_mm"]
     own = nominal.loc[pd.MultiIndex.from_frame(table[keys])].to_numpy()
     return table.assign(
         mostly_inside=table["judged_share_inside"] >= MOSTLY,
-        degradation=table["judged_rms_distance_mm"] / own,
+        degradation=table["judged_rms_distance_error_mm"] / own,
         commands=np.where(table["delay"] == 0, "in time", "late"),
     )
 
@@ -66,7 +66,7 @@ def by_training(table: pd.DataFrame) -> pd.DataFrame:
         without_loss=("judged_losses", lambda lost: int((lost == 0).sum())),
         losses=("judged_losses", "sum"),
         share_inside=("judged_share_inside", "mean"),
-        rms_mm=("judged_rms_distance_mm", "mean"),
+        rms_mm=("judged_rms_distance_error_mm", "mean"),
         degradation=("degradation", "median"),
         worst_degradation=("degradation", "max"),
     ).astype({"losses": int})
@@ -93,7 +93,7 @@ def settled(table: pd.DataFrame) -> pd.DataFrame:
         names = {
             "learning_minutes_to_lossfree": "minutes",
             "learning_losses": "losses",
-            f"{seen}_rms_distance_mm": "rms_mm",
+            f"{seen}_rms_distance_error_mm": "rms_mm",
             f"{seen}_turn_rms_deg_s": "turning_deg_s",
         }
         parts.append(

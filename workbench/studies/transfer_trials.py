@@ -310,7 +310,7 @@ def _errors(config: ConvoyConfig, steps: NDArray[np.void], who: slice) -> dict[s
     return {
         "losses": float(np.count_nonzero(at["event"] & LOSS)),
         "share_inside": float(inside.mean()),
-        "rms_distance_mm": errors["rms_distance_mm"],
+        "rms_distance_error_mm": errors["rms_distance_error_mm"],
         "bias_mm": errors["bias_mm"],
         "ripple_mm": errors["ripple_mm"],
         "rms_bearing_deg": errors["rms_bearing_deg"],

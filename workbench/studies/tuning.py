@@ -20,7 +20,7 @@ GRID = {
     "k_integral": (0.1, 0.2, 0.5, 1.0),
     "k_bearing": (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0),
 }
-COST = "rms_distance_mm"  # what is made small, as is usual for such laws
+COST = "rms_distance_error_mm"  # what is made small, as is usual for such laws
 
 
 def cases() -> Sequence[Case]:

@@ -59,7 +59,7 @@ def measure_variants(trial: Trial) -> dict[str, float]:
 
 PANELS = {
     "learning_losses": "losses while learning",
-    "rms_distance_mm": "RMS distance error in mm",
+    "rms_distance_error_mm": "RMS distance error in mm",
     "turning": "turning above 1 Hz in °/s",
 }
 

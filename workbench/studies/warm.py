@@ -52,7 +52,7 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
         warm_settled=settled[1],
         losses_saved=cold["learning_losses"] - warm["learning_losses"],
         updates_saved=settled[0] - settled[1],
-        error_saved_mm=cold["rms_distance_mm"] - warm["rms_distance_mm"],
+        error_saved_mm=cold["rms_distance_error_mm"] - warm["rms_distance_error_mm"],
     )
 
 

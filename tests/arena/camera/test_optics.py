@@ -180,7 +180,7 @@ def test_the_fast_model_and_the_pixels_give_the_same_drive_for_five_minutes(poli
     fast = followed(policy, config, 5.0)
     pixels = followed(policy, replace(config, sensing="pixels"), 5.0)
     assert pixels["losses"] == fast["losses"] == 0
-    assert pixels["rms_distance_mm"] == pytest.approx(fast["rms_distance_mm"], rel=0.1)
+    assert pixels["rms_distance_error_mm"] == pytest.approx(fast["rms_distance_error_mm"], rel=0.1)
     assert pixels["bearing_std_deg"] == pytest.approx(fast["bearing_std_deg"], rel=0.15)
 
 
