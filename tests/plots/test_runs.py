@@ -65,6 +65,9 @@ def test_policy_and_value_maps_show_the_greedy_action():
     assert (
         np.ravel(values)[40] == 1.0 and np.ma.count(values) == 1
     )  # all others are not learned yet
+    theta[0, 40, 7] = 0.75
+    lead = plots.lead_map(Policy.of(CONFIG, theta), CONFIG).collections[0].get_array()
+    assert np.ravel(lead)[40] == 0.25 and np.ma.count(lead) == 1
 
 
 def test_error_measures_are_drawn_from_the_world_s_own_poses():

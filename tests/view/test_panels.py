@@ -2,11 +2,13 @@
 the first values.
 """
 
+import asyncio
 import re
 
 import numpy as np
 import pytest
 from IPython.display import Image
+from matplotlib.figure import Figure
 
 import workbench as wb
 from workbench.plots.figures import png
@@ -114,6 +116,62 @@ def test_a_combination_that_cannot_be_is_explained_and_the_picture_stays(live):
 def test_unknown_views_are_refused(history):
     assert isinstance(history, History)
     with pytest.raises(
-        ValueError, match="show = 'traces'; expected one of 'visits', 'values', 'actions', 'all'"
+        ValueError,
+        match="show = 'traces'; expected one of 'visits', 'values', 'actions', 'confidence'",
     ):
         learning_explorer(history, show="traces")
+
+
+async def until(done):
+    for _ in range(1000):
+        if done():
+            return
+        await asyncio.sleep(0.02)
+    raise AssertionError("nothing more was drawn in 20 s")
+
+
+def test_what_may_be_asked_for_next_is_drawn_in_the_pauses(live, monkeypatch):
+    """With a loop that waits: haste at once, care at rest, the other values after that."""
+    drawn = []
+
+    def draw(width, kind):
+        drawn.append((round(width, 6), kind))
+        fig = Figure(figsize=(2, 1))
+        fig.subplots().plot([0, width])
+        return fig
+
+    monkeypatch.setattr(panels, "REST_S", 0.01)
+
+    async def slide():
+        made = panel(draw, width=Slider(0.1, 0.5, 0.1, 0.1), kind=Choice(("a", "b")))
+        shown, first = made.children[-1], made.children[-1].value
+        made.children[0].value = 0.3
+        hasty = shown.value
+        assert drawn == [(0.1, "a"), (0.3, "a")] and hasty != first
+        await until(lambda: len(drawn) == 6)
+        assert drawn[2:] == [(0.3, "a"), (0.2, "a"), (0.4, "a"), (0.5, "a")]
+        assert shown.value != hasty  # drawn with care
+        made.children[0].value = 0.4
+        await asyncio.sleep(0)
+        assert len(drawn) == 6  # it was there
+        made.children[1].value = "b"  # begins anew, in place of what was to be done
+        await until(lambda: len(drawn) == 8)
+        assert drawn[6:] == [(0.4, "b"), (0.4, "b")]
+
+    asyncio.run(slide())
+
+
+def test_what_cannot_be_is_passed_over_when_drawn_ahead(live, monkeypatch):
+    monkeypatch.setattr(panels, "REST_S", 0.01)
+
+    async def slide():
+        made = panel(
+            tile_explorer, spacing=Choice(("logarithmic",)), distance_tiles=Slider(7, 9, 1, 7)
+        )
+        made.children[1].value = 9
+        await asyncio.sleep(3)  # 8 is even: no tile has its middle where both errors are 0
+        assert made.children[-2].value == ""
+        made.children[1].value = 8
+        assert "ConvoyConfig.state_tiles = (8, 9)" in made.children[-2].value
+
+    asyncio.run(slide())

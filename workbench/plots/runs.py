@@ -23,6 +23,7 @@ from workbench.plots.style import CYCLE, MARKERS, NEVER, new_axes
 from workbench.robot.motors import twist
 
 Floats = NDArray[np.float64]
+_SHARES = "share of visits (log scale; grey: never; <: below 0.005 %)"
 
 
 def _edges(config: ConvoyConfig) -> tuple[Floats, Floats]:
@@ -69,7 +70,7 @@ def visit_map(
     ax.set_facecolor(NEVER)
     ax.patch.set(hatch="///", edgecolor="#bbbbbb")
     norm = LogNorm(1e-6, 1.0)
-    mesh = ax.pcolormesh(
+    ax.pcolormesh(
         bearing,
         distance,
         np.ma.masked_equal(share, 0),
@@ -83,15 +84,18 @@ def visit_map(
     if plain:
         return ax
     _write_shares(ax, share, distance, bearing, norm)
-    bar = ax.figure.colorbar(
-        mesh, ax=ax, label="share of visits (log scale; grey: never; <: below 0.005 %)"
-    )
+    share_bar(ax)
+    return ax
+
+
+def share_bar(ax: Axes, label: str = _SHARES) -> None:
+    """Put the colour bar of its shares beside a visit map."""
+    bar = ax.figure.colorbar(ax.collections[0], ax=ax, label=label)
     bar.set_ticks(
         [10.0**k for k in range(-6, 1)],
         labels=["0.0001 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"],
     )
     bar.ax.minorticks_off()
-    return ax
 
 
 def _write_shares(
@@ -333,20 +337,58 @@ def value_map(
     States whose best action was never updated (θ still θ₀) are left grey: their value is not
     learned.
     """
+    best = policy.values()[table].max(axis=1)
+    label = "value of the state, max over actions of θ"
+    return _state_map(best, policy, config, table, label, ax)
+
+
+def lead_map(
+    policy: Policy, config: ConvoyConfig, *, table: int = 0, ax: Axes | None = None
+) -> Axes:
+    """Draw how far the value of every state's greedy action is ahead of the second best: where
+    little, another action may do as well, or a few updates may change the choice.
+
+    States whose best action was never updated are left grey, as in ``value_map``.
+    """
+    second, best = np.sort(policy.values()[table], axis=1)[:, -2:].T
+    label = "θ of the greedy action above the second best"
+    return _state_map(best - second, policy, config, table, label, ax)
+
+
+def _state_map(
+    values: Floats,
+    policy: Policy,
+    config: ConvoyConfig,
+    table: int,
+    label: str,
+    ax: Axes | None,
+    norm: Normalize | None = None,
+) -> Axes:
+    """Draw a number of every state whose greedy action was ever updated, with a colour bar."""
     ax = ax or new_axes(5.6, 4.4)
     distance, bearing = _edges(config)
-    best = policy.values()[table].max(axis=1).reshape(config.state_tiles)
-    known = best != config.learner.theta0
-    values = np.ma.masked_where(~known, best)
+    known = _known(policy, config, table)
+    shown = np.ma.masked_where(~known, values.reshape(config.state_tiles))
     ax.set_facecolor(NEVER)
     ax.patch.set(hatch="///", edgecolor="#bbbbbb")
     mesh = ax.pcolormesh(
-        bearing, distance, values, cmap="viridis", edgecolors="white", linewidth=0.4
+        bearing,
+        distance,
+        shown,
+        cmap="viridis",
+        norm=norm,
+        edgecolors="white",
+        linewidth=0.4,
     )
-    ax.figure.colorbar(mesh, ax=ax, label="value of the state, max over actions of θ")
+    ax.figure.colorbar(mesh, ax=ax, label=label)
     _tile_axes(ax, config)
     _look_at(ax, config, known)
     return ax
+
+
+def _known(policy: Policy, config: ConvoyConfig, table: int) -> NDArray[np.bool_]:
+    best = policy.values()[table].max(axis=1)
+    return np.asarray((best != config.learner.theta0).reshape(config.state_tiles))
 
 
 def _look_at(ax: Axes, config: ConvoyConfig, known: NDArray[np.bool_]) -> None:
@@ -391,8 +433,6 @@ def policy_map(
     States whose greedy action was never updated (θ still θ₀) are left grey: what they would do next
     is not learned.
     """
-    ax = ax or new_axes(5.6, 4.4)
-    distance, bearing = _edges(config)
     greedy = policy.greedy()[table]
     left, right = (
         levels[part]
@@ -403,24 +443,10 @@ def policy_map(
         )
     )
     speed, turn = np.array([twist(float(a), float(b)) for a, b in zip(left, right, strict=True)]).T
-    seen = (policy.values()[table].max(axis=1) != config.learner.theta0).reshape(config.state_tiles)
-    ax.set_facecolor(NEVER)
-    ax.patch.set(hatch="///", edgecolor="#bbbbbb")
-    shown = np.ma.masked_where(~seen, 1000 * speed.reshape(config.state_tiles))
-    span = 1000 * np.array(config.wheel_speed_mps)
-    mesh = ax.pcolormesh(
-        bearing,
-        distance,
-        shown,
-        cmap="viridis",
-        norm=Normalize(*span),
-        edgecolors="white",
-        linewidth=0.4,
-    )
-    _lean(ax, turn.reshape(config.state_tiles), seen, config)
-    ax.figure.colorbar(mesh, ax=ax, label="greedy forward speed in mm/s")
-    _tile_axes(ax, config)
-    _look_at(ax, config, seen)
+    span = Normalize(*(1000 * np.array(config.wheel_speed_mps)))
+    label = "greedy forward speed in mm/s"
+    ax = _state_map(1000 * speed, policy, config, table, label, ax, span)
+    _lean(ax, turn.reshape(config.state_tiles), _known(policy, config, table), config)
     return ax
 
 

@@ -2,16 +2,18 @@
 
     tile_explorer       what a choice of tiles means in mm, degrees and counts
     infrared_explorer   what two front sensors read of the robot in front, and which tile that is
-    learning_explorer   visits, values and greedy actions at a moment of a run
+    learning_explorer   visits, values, greedy actions and how sure of them, at a moment of a run
 
 Contract: equal arguments give equal figures; nothing is remembered.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
 from workbench.lab.records import SUMS, Recorder
 from workbench.plots.diagrams import tile_fan
-from workbench.plots.runs import policy_map, value_map, visit_map
+from workbench.plots.runs import lead_map, policy_map, share_bar, value_map, visit_map
 from workbench.plots.style import CYCLE, INK, style
 from workbench.robot.geometry import BODY_RADIUS
 from workbench.robot.infrared import (
@@ -314,6 +316,17 @@ def learn_history(config: ConvoyConfig, *, steps: int) -> History:
     return History(config, tuple(updates), visits, tuple(losses.tolist()), tuple(policies))
 
 
+_UNSEEN, _UNTRIED = "never visited", "the best action was never tried"
+
+# what a learner's maps are called where all are shown, and who draws those of a table
+_MAPS: dict[str, tuple[str, Callable[..., Axes] | None]] = {
+    "visits": ("share of visits in this block", None),
+    "values": ("value of the state: max of θ", value_map),
+    "actions": ("greedy action: mm/s, arrow: turn", policy_map),
+    "confidence": ("confidence: its θ above the next best", lead_map),
+}
+
+
 def learning_explorer(
     history: History, *, block: int = -1, follower: int = 1, show: str = "all"
 ) -> Figure:
@@ -324,7 +337,8 @@ def learning_explorer(
         history: of ``learn_history``.
         block: number of the block, negative from the end.
         follower: whose table, 1 for the first.
-        show: "visits", "values", "actions" or "all".
+        show: "visits", "values", "actions", "confidence" (how far the greedy action's value is
+            ahead of the second best) or "all".
 
     Raises:
         ValueError: show is nothing of these, or there is no such block or follower.
@@ -336,27 +350,43 @@ def learning_explorer(
             f"block = {block!r}, follower = {follower!r}; the run has blocks 0 to "
             f"{blocks - 1} and followers 1 to {followers}"
         )
-    kinds = ("visits", "values", "actions")
-    if show not in (*kinds, "all"):
+    if show not in (*_MAPS, "all"):
         raise ValueError(
-            f"show = {show!r}; expected one of {', '.join(map(repr, (*kinds, 'all')))}"
+            f"show = {show!r}; expected one of {', '.join(map(repr, (*_MAPS, 'all')))}"
         )
-    chosen = kinds if show == "all" else (show,)
+    chosen = tuple(_MAPS) if show == "all" else (show,)
     policy = history.policies[block]
-    config = history.config
     table = min(follower - 1, policy.theta.shape[0] - 1)
     with style():
-        fig = Figure(figsize=(7.0, 1.2 + 3.7 * len(chosen)), layout="constrained")
-        for kind, ax in zip(chosen, np.atleast_1d(fig.subplots(len(chosen), 1)), strict=True):
-            if kind == "visits":
-                visit_map(history.visits[block], config, ax=ax)
-            elif kind == "values":
-                value_map(policy, config, table=table, ax=ax)
+        fig = Figure(figsize=(7.0, 6.6 if show == "all" else 5.4), layout="constrained")
+        grid = fig.subplots(2, 2) if show == "all" else fig.subplots(squeeze=False)
+        for kind, ax in zip(chosen, grid.ravel(), strict=True):
+            title, drawn = _MAPS[kind]
+            if drawn is None:
+                visit_map(history.visits[block], history.config, ax=ax, plain=show == "all")
             else:
-                policy_map(policy, config, table=table, ax=ax)
+                drawn(policy, history.config, table=table, ax=ax)
+            if show == "all":
+                _shorten(ax, title)
         done = f"{history.updates[block]:,}".replace(",", " ")
+        hatched = {"all": f"{_UNSEEN}; in the other maps: {_UNTRIED}", "visits": _UNSEEN}
         fig.suptitle(
             f"after {done} updates: {history.losses[block]} losses in this block; table of "
-            f"follower {table + 1}"
+            f"follower {table + 1}\nhatched: {hatched.get(show, _UNTRIED)}"
         )
     return fig
+
+
+def _shorten(ax: Axes, title: str) -> None:
+    """Say above a small map what its colour bar says beside a large one."""
+    mesh = next(part for part in ax.collections if isinstance(part, QuadMesh))
+    if mesh.colorbar is None:
+        share_bar(ax, "")
+    else:
+        mesh.colorbar.set_label("")
+    ax.set_title(title, fontsize=9.5, loc="left")
+    # the same tiles in the same place of every map
+    corners = mesh.get_coordinates()
+    ax.set(xlim=corners[0, [-1, 0], 0], ylim=corners[[0, -1], 0, 1])
+    ax.set_xticks(np.round(np.linspace(*ax.get_xlim(), 4)))
+    ax.set(xlabel="bearing in degrees", ylabel="distance in mm")

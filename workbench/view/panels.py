@@ -9,13 +9,15 @@ WORKBENCH_STATIC=1 a panel is the picture of its first values, the static twin t
 exported notebooks show.
 
 Contract: callbacks hold no science: they call the function with the controls' values and show what
-it returns, or its error.
+it returns, or its error. Once somebody has moved a control, the pictures of its other values are
+drawn in the pauses, nearest first, so that sliding shows what is there already.
 """
 
 import asyncio
 import base64
+import contextlib
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from IPython.display import Image
@@ -28,6 +30,8 @@ from workbench.view.explorers import History, infrared_explorer, learning_explor
 Draw = Callable[..., Figure]
 WIDTH = 700  # pixels
 REST_S = 0.3  # after which the picture is drawn with care
+PAUSE_S = 0.005  # between pictures that are drawn ahead, for whatever else is asked for
+KEPT = 500  # pictures of a panel, of some 50 kB
 
 
 class Slider(NamedTuple):
@@ -61,27 +65,24 @@ def panel(draw: Draw, **controls: Slider | Choice) -> Any:
     from ipywidgets import HTML, Image as Shown
 
     parts = {name: _widget(name, control) for name, control in controls.items()}
-    last = draw(**first)
-    shown = Shown(format="png", value=png(last), layout={"max_width": f"{WIDTH}px"})
+    pictures = _Pictures(draw)
+    shown = Shown(format="png", value=pictures.careful(first), layout={"max_width": f"{WIDTH}px"})
     said = HTML()
     rest = _Rest()
 
-    def change(_: object) -> None:
+    def change(event: Any) -> None:
         values = {name: part.value for name, part in parts.items()}
+        [moved] = [name for name, part in parts.items() if part is event["owner"]]
 
-        def careful() -> None:
-            nonlocal last
-            last = draw(**values)
-            shown.value = png(last)
+        def settle() -> Iterator[None]:
+            shown.value = pictures.careful(values)
+            for value in _nearest_first(controls[moved], values[moved]):
+                yield
+                pictures.ahead(values | {moved: value})
 
         try:
-            # while a slider moves the layout stays
-            quick = hasty_png(draw(**values), last, WIDTH) if rest.possible else None
-            if quick is None:
-                careful()
-            else:
-                shown.value = quick
-                rest.then(careful)
+            shown.value = pictures.quick(values) if rest.possible else pictures.careful(values)
+            rest.then(settle)
             said.value = ""
         except (ArithmeticError, ValueError) as error:
             # a combination that cannot be: the message says what would
@@ -112,8 +113,63 @@ def _kept(parts: list[Any], shown: Any) -> Any:
     return Panel(parts)
 
 
+class _Pictures:
+    """A panel's pictures by the controls' values: careful ones, and hasty ones with the layout of
+    the last careful one.
+    """
+
+    def __init__(self, draw: Draw) -> None:
+        self._draw = draw
+        self._last = Figure()
+        self._kept: dict[tuple[Any, ...], bytes] = {}
+
+    def careful(self, values: dict[str, Any]) -> bytes:
+        """Draw with the layout that fits."""
+        self._last = self._draw(**values)
+        return self._keep(values, png(self._last))
+
+    def quick(self, values: dict[str, Any]) -> bytes:
+        """Return the picture that is there, or draw one in haste."""
+        known = self._kept.get(_key(values))
+        if known is not None:
+            return known
+        hasty = hasty_png(self._draw(**values), self._last, WIDTH)
+        return self.careful(values) if hasty is None else self._keep(values, hasty)
+
+    def ahead(self, values: dict[str, Any]) -> None:
+        """Draw what may be asked for next; combinations that cannot be are left to who asks."""
+        with contextlib.suppress(ArithmeticError, ValueError):
+            if _key(values) not in self._kept:
+                hasty = hasty_png(self._draw(**values), self._last, WIDTH)
+                if hasty is not None:
+                    self._keep(values, hasty)
+
+    def _keep(self, values: dict[str, Any], picture: bytes) -> bytes:
+        if len(self._kept) >= KEPT:
+            self._kept.clear()
+        self._kept[_key(values)] = picture
+        return picture
+
+
+def _key(values: dict[str, Any]) -> tuple[Any, ...]:
+    """Return values as what names a picture; sums of steps are not exact."""
+    return tuple(round(v, 9) if isinstance(v, float) else v for v in values.values())
+
+
+def _nearest_first(control: Slider | Choice, value: Any) -> list[Any]:
+    """Return a control's other values, those next to the present one first."""
+    if isinstance(control, Choice):
+        options, near = list(control.options), control.options.index(value)
+    else:
+        count = round((control.high - control.low) / control.step) + 1
+        options = [control.low + k * control.step for k in range(count)]
+        near = round((value - control.low) / control.step)
+    order = sorted(range(len(options)), key=lambda k: abs(k - near))
+    return [options[k] for k in order if k != near]
+
+
 class _Rest:
-    """Something to do once controls rest, where a kernel's event loop runs."""
+    """Something to do bit by bit once controls rest, where a kernel's event loop runs."""
 
     def __init__(self) -> None:
         self._waiting: asyncio.TimerHandle | None = None
@@ -127,11 +183,20 @@ class _Rest:
             return False
         return True
 
-    def then(self, what: Callable[[], None]) -> None:
-        """Do it once nothing else has been asked for REST_S."""
+    def then(self, what: Callable[[], Iterator[None]]) -> None:
+        """Begin once nothing else has been asked for REST_S, in place of what was to be done."""
         if self._waiting is not None:
             self._waiting.cancel()
-        self._waiting = asyncio.get_running_loop().call_later(REST_S, what)
+        if self.possible:
+            self._wait(REST_S, what())
+
+    def _wait(self, seconds: float, rest: Iterator[None]) -> None:
+        def go() -> None:
+            # an iterator that has ended says so by what is left: nothing
+            if next(rest, self) is None:
+                self._wait(PAUSE_S, rest)
+
+        self._waiting = asyncio.get_running_loop().call_later(seconds, go)
 
 
 def _picture(draw: Draw, values: dict[str, Any]) -> Image:
@@ -193,6 +258,6 @@ def learning_panel(history: History) -> Any:
     return panel(
         draw,
         block=Slider(1, blocks, 1, blocks, "block (250 s each)"),
-        show=Choice(("all", "visits", "values", "actions")),
+        show=Choice(("all", "visits", "values", "actions", "confidence")),
         follower=Choice(tuple(range(1, history.config.followers + 1)), "table of follower"),
     )
