@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,9 @@ in rad (…_rad) or degrees (…_deg), errors in mm (…_mm), times in simulated
 seconds (wall_s). STEPS are learning updates, summed over the followers. A share is a part of all
 visits; …_all_time has reset and lost time in the denominator.
 
-Fields for --set NAME=VALUE (dots for parts: --set learner.alpha=0.05 or track.shape='"eight"'):
+Fields for --set NAME=VALUE, in their order (dots for parts: --set learner.alpha=0.05,
+--set track.shape=eight). --set robot=large, or robot=FILE.json, takes a robot's file and scales
+distances, speeds and track with it; what is set after that stays.
 """
 
 
@@ -55,12 +58,15 @@ class _WithFields(click.Command):
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         from workbench import fields
-        from workbench.arena.tracks import TrackConfig
         from workbench.formation.config import ConvoyConfig
-        from workbench.learning.config import LearnerConfig
 
-        parts = (("", ConvoyConfig), ("learner", LearnerConfig), ("track", TrackConfig))
-        told = (f"{name and name + ':'}\n{fields.describe(cls)}" for name, cls in parts)
+        config = ConvoyConfig()
+        values = {name: getattr(config, name) for name in fields.to_dict(config)}
+        parts = {name: type(value) for name, value in values.items() if is_dataclass(value)}
+        told = (
+            f"{name and name + ':'}\n{fields.describe(cls)}"
+            for name, cls in ({"": ConvoyConfig} | parts).items()
+        )
         formatter.write("\n" + _UNITS + "\n".join(told) + "\n")
 
 
@@ -208,7 +214,7 @@ def bench(others: bool) -> Result:
     """Measure speed against bare MuJoCo, start, sweeps and memory (some minutes)."""
     from workbench.bench import bench
 
-    return bench(others=others)
+    return bench(others=others, progress=True)
 
 
 @verbs.command()
@@ -557,6 +563,7 @@ def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> 
     """Return a configuration from plain values, flags and NAME=VALUE settings, in this order."""
     from workbench import fields
     from workbench.formation.config import ConvoyConfig
+    from workbench.robot.description import load_robot
 
     values = values | {name: value for name, value in given.items() if value is not None}
     nested = sorted(name for name, value in values.items() if isinstance(value, dict))
@@ -576,6 +583,10 @@ def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> 
                 f"--set {name}: {place!r} has no parts; parts with fields of their own: "
                 f"{', '.join(nested)}"
             )
+        if name == "robot" and isinstance(value, str):
+            known = fields.from_dict(ConvoyConfig, values)
+            values = fields.to_dict(known.with_robot(load_robot(value)))
+            continue
         values[place] = values[place] | {".".join(rest): value} if rest else value
     return fields.from_dict(ConvoyConfig, values)
 

@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from workbench.compiled import compiled_with_arrays
 from workbench.envs.environments import FollowVectorEnv
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
+from workbench.lab.progress import stages
 from workbench.lab.records import Recorder
 from workbench.lab.runs import learn
 from workbench.lab.sweeps import cores, sweep
@@ -140,27 +141,36 @@ def _former_way(former: bool) -> Iterator[None]:
         stopwatches(before == "1")
 
 
-def bench(*, turns: int = 36, runs: int = 200, others: bool = False) -> dict[str, Any]:
+def bench(
+    *, turns: int = 36, runs: int = 200, others: bool = False, progress: bool = False
+) -> dict[str, Any]:
     """Return the machine, times in µs, their ratios and the peak memory of this process in MiB.
 
     Args:
         turns: timed blocks of 2 500 formation steps per loop; runs: of the sweep.
         others: time other simulators as well, those that are installed.
+        progress: say each second where it is.
     """
     result: dict[str, Any] = {"machine": machine()}
-    result |= _loops(turns)
-    result |= _updates()
-    result |= _routes(turns)
-    result |= _sizes(turns)
-    result |= _side_by_side(turns)
-    result |= _whole_run()
-    result |= _environment("planar") | _environment("rolling")
-    result["peak_mib"] = peak_mib()
-    result |= _starts()
-    result |= _sweeps(runs)
-    result |= _overhead(runs)
+    parts: dict[str, Callable[[], dict[str, Any]]] = {
+        "drives beside bare physics": lambda: _loops(turns),
+        "updates": _updates,
+        "sensing modes": lambda: _routes(turns),
+        "followers": lambda: _sizes(turns),
+        "formations and threads": lambda: _side_by_side(turns),
+        "a whole run": _whole_run,
+        "environments": lambda: _environment("planar") | _environment("rolling"),
+        "memory": lambda: {"peak_mib": peak_mib()},
+        "first and cached start": _starts,
+        "sweeps": lambda: _sweeps(runs),
+        "overhead of trials": lambda: _overhead(runs),
+    }
     if others:
-        result |= _peers(turns)
+        parts["other simulators"] = lambda: _peers(turns)
+    with stages(progress, "bench") as begin:
+        for name, part in parts.items():
+            begin(name)
+            result |= part()
     return result
 
 

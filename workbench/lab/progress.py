@@ -7,6 +7,7 @@ units just done.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event, Thread
 
 from tqdm import tqdm
 
@@ -30,6 +31,29 @@ def report(
         total=total, initial=done, desc=label, unit=unit, unit_scale=True, disable=hidden
     ) as bar:
         yield lambda count: void(bar.update(count))
+
+
+@contextmanager
+def stages(progress: bool, label: str) -> Iterator[Callable[[str], None]]:
+    """Yield the function to call with the name of what begins now; a line says each second for how
+    long that has taken.
+    """
+    ended = Event()
+    with tqdm(
+        bar_format="{desc}: {elapsed}", desc=label, disable=not progress or paths.STATIC
+    ) as line:
+
+        def tick() -> None:
+            while not ended.wait(1.0):
+                line.refresh()
+
+        ticking = Thread(target=tick, daemon=True)
+        ticking.start()
+        try:
+            yield lambda name: line.set_description_str(f"{label}, {name}")
+        finally:
+            ended.set()
+            ticking.join()
 
 
 def void(_: object) -> None:

@@ -8,7 +8,7 @@ program is killed.
 import math
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
 from workbench.formation.senses.table import INFRARED
 from workbench.formation.solo import SoloFollower, drive
+from workbench.lab.progress import report
 from workbench.lab.storage import read_json, refuse_existing
 from workbench.lab.weights import Weights, describe, load_weights, write_weights
 from workbench.logs.recordings import GROUPS, Recorder
@@ -119,12 +120,30 @@ def drive_robot(
                 record, robot, link=url, real=real, config=config, calibration=calibration
             )
             watch = stack.enter_context(recorder).watch
+        tell = stack.enter_context(_told("drive", seconds, robot))
+
+        def each(*now: Any) -> None:
+            tell(1)
+            if watch is not None:
+                watch(*now)
+
         try:
-            report = drive(robot, follower, seconds=seconds, watch=watch)
+            found = drive(robot, follower, seconds=seconds, watch=each)
         finally:  # what it has learned is kept, however the drive ended
             if out is not None:
                 _keep(follower, Path(out))
-        return asdict(report) | {"watchdog_stops": robot.watchdog_stops}
+        return asdict(found) | {"watchdog_stops": robot.watchdog_stops}
+
+
+def _periods(seconds: float, robot: Robot) -> int:
+    return max(1, round(seconds / (robot.period_s or CONTROL_PERIOD)))  # 0: no wall-clock time
+
+
+def _told(
+    label: str, seconds: float, robot: Robot
+) -> AbstractContextManager[Callable[[int], None]]:
+    """Return a progress bar over the periods of a drive."""
+    return report(True, _periods(seconds, robot), label, unit=" periods")
 
 
 def _keep(follower: SoloFollower, out: Path) -> None:
@@ -231,12 +250,13 @@ def record_robot(
         with Recorder(
             out, robot, link=url, real=real, note="robot driven at constant speeds"
         ) as recorder:
-            period = robot.period_s or CONTROL_PERIOD  # of a robot without wall-clock time
-            rows = max(1, round(seconds / period))
-            for _ in range(rows):
-                robot.step()
-                robot.set_motors_speed(*speeds)
-                recorder.add(robot.time_s, robot, command=robot.commanded)
+            rows = _periods(seconds, robot)
+            with _told("record", seconds, robot) as tell:
+                for _ in range(rows):
+                    robot.step()
+                    robot.set_motors_speed(*speeds)
+                    recorder.add(robot.time_s, robot, command=robot.commanded)
+                    tell(1)
         late = {
             "missed_deadlines": robot.missed_deadlines,
             "worst_latency_s": robot.worst_latency_s,

@@ -386,7 +386,7 @@ def _shorten(ax: Axes, title: str) -> None:
         mesh.colorbar.set_label("")
     ax.set_title(title, fontsize=9.5, loc="left")
     # the same tiles in the same place of every map
-    corners = mesh.get_coordinates()
+    corners = np.asarray(mesh.get_coordinates())
     ax.set(xlim=corners[0, [-1, 0], 0], ylim=corners[[0, -1], 0, 1])
     ax.set_xticks(np.round(np.linspace(*ax.get_xlim(), 4)))
     ax.set(xlabel="bearing in degrees", ylabel="distance in mm")
