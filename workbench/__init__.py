@@ -6,9 +6,12 @@ list is ``__init__.pyi``.
 """
 
 import importlib
+import importlib.util
 import re
 import sys
+from importlib.abc import MetaPathFinder
 from pathlib import Path
+from typing import Any
 
 _LISTED = re.findall(
     r"^from (\.\S+) import \w+ as (\w+)$",
@@ -27,11 +30,32 @@ def _introduce() -> None:
         from .envs.registration import register
 
         register()
+    else:
+        sys.meta_path.insert(0, _WhenGymnasiumComes())
+
+
+class _WhenGymnasiumComes(MetaPathFinder):
+    """Introduces the environments once a program has imported gymnasium."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        """Find gymnasium as everybody does, and do more when it is loaded."""
+        if name != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(name)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_introduce(module: Any) -> None:
+                load(module)
+                _introduce()
+
+            spec.loader.exec_module = load_and_introduce  # type: ignore[method-assign]
+        return spec
 
 
 def __getattr__(name: str) -> object:
     """Load a public name, or a room, and keep it."""
-    _introduce()
     if name in _WHERE:
         found = getattr(importlib.import_module(_WHERE[name], __name__), name)
     else:
@@ -40,7 +64,11 @@ def __getattr__(name: str) -> object:
         except ModuleNotFoundError as error:
             if error.name != f"{__name__}.{name}":
                 raise
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+            raise AttributeError(
+                f"module {__name__!r} has no attribute {name!r}",
+                name=name,
+                obj=sys.modules[__name__],  # Python adds what it is like
+            ) from None
     globals()[name] = found
     return found
 

@@ -41,6 +41,7 @@ from .measures.verdicts import ruling as ruling
 from .plots.groups import Comparison as Comparison
 from .plots.groups import compare as compare
 from .plots.figures import save_figure as save_figure
+from .robot.description import RobotConfig as RobotConfig
 from .robot.description import load_robot as load_robot
 from .robot.open import open_robot as open_robot
 from .view.play import play as play

@@ -144,18 +144,47 @@ def part(kind: type, doc: str, *, default: object) -> Any:
     return _declare(default, expected, doc, check)
 
 
-def did_you_mean(word: str, options: Iterable[str]) -> str:
-    """Return "; did you mean …?" with the option that a word is nearest to, "" if none is near."""
+def did_you_mean(word: str, options: Iterable[str], *, ends: str = "") -> str:
+    """Return "; did you mean …?" with the option that a word is nearest to, "" if none is near.
+
+    Args:
+        ends: a part's field of this name is the nearest of all.
+    """
     options = list(options)
-    close = difflib.get_close_matches(word, options, n=1)
+    within = [option for option in options if option.endswith(f".{ends}")]
+    close = within[:1] or difflib.get_close_matches(word, options, n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+class Named(dict[str, T]):
+    """What there is by its name; an unknown name is answered with those there are."""
+
+    def __missing__(self, name: str) -> T:
+        """Refuse a name that is not there.
+
+        Raises:
+            KeyError: always.
+        """
+        hint = did_you_mean(str(name), self)
+        raise KeyError(f"{name}; expected one of {', '.join(self)}{hint}")
+
+
+def _inner(cls: type) -> list[str]:
+    """Return the fields of a configuration's parts, as part.field."""
+    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
+    return [
+        f"{name}.{field.name}"
+        for name, default in defaults.items()
+        if dataclasses.is_dataclass(default)
+        for field in dataclasses.fields(default)
+    ]
 
 
 def _refuse_unknown(cls: type, given: Mapping[str, object]) -> None:
     names = [field.name for field in dataclasses.fields(cls)]
     for name, value in given.items():
         if name not in names:
-            hint = did_you_mean(name, names)
+            hint = did_you_mean(name, [*names, *_inner(cls)], ends=name)
             raise TypeError(
                 f"{cls.__name__} has no field {name!r} (given {value!r}); fields: "
                 f"{', '.join(names)}{hint}"
@@ -292,6 +321,9 @@ def whole(name: str, number: Any, low: int, high: int, unit: str = "") -> int:
     return int(value)
 
 
+MOST = 10**15  # that anybody may ask for
+
+
 def positive(name: str, number: float) -> int:
     """Return an argument that must be a whole number of at least 1; 1e5 is one.
 
@@ -301,6 +333,9 @@ def positive(name: str, number: float) -> int:
     value = unwrapped(number)
     if isinstance(value, float) and value.is_integer():
         value = int(value)
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1:
-        raise ValueError(f"{name} = {number!r}; expected a whole number, at least 1")
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not whole or not 1 <= value <= MOST:
+        raise ValueError(
+            f"{name} = {number!r}; expected a whole number, at least 1 and at most 1e15"
+        )
     return int(value)

@@ -2,10 +2,13 @@
 
 import html
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from numpy.typing import ArrayLike, NDArray
 
 _SIDE = 99  # px
+_TILES = 25  # a side, at most
+_MAPS = 8  # at most
 
 
 def table(rows: Iterable[Sequence[object]], title: str = "") -> str:
@@ -29,6 +32,9 @@ def heat(values: ArrayLike, label: str) -> str:
     import numpy as np
 
     shares: NDArray[np.float64] = np.asarray(values, dtype=float)
+    for axis, tiles in enumerate(shares.shape):  # of many tiles the largest of every few
+        few = np.arange(0, tiles, -(-tiles // _TILES))
+        shares = np.maximum.reduceat(shares, few, axis=axis)
     rows, columns = shares.shape
     size = max(4, min(16, _SIDE // max(rows, columns)))
     parts = []
@@ -44,3 +50,12 @@ def heat(values: ArrayLike, label: str) -> str:
         f"{''.join(parts)}</svg>"
         f"<figcaption style='font-size:11px'>{html.escape(label)}</figcaption></figure>"
     )
+
+
+def heats(values: NDArray[Any], label: str) -> str:
+    """Return a map of each of the first few (maps, rows, columns); label has a place for their
+    number.
+    """
+    maps = [heat(one, label.format(k)) for k, one in enumerate(values[:_MAPS], 1)]
+    more = f"<div>… and {len(values) - _MAPS} more</div>" if len(values) > _MAPS else ""
+    return "".join(maps) + more

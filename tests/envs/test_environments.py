@@ -414,3 +414,53 @@ def test_options_are_in_the_help_of_every_environment():
     for kind in (wb.FollowEnv, FollowVectorEnv, wb.ConvoyEnv):
         for option in ("observation:", "actions:", "reward:", "seconds:", "render_mode:"):
             assert option in kind.__doc__
+
+
+def test_info_is_of_now_also_where_a_formation_begins_anew_or_rests():
+    env = FollowVectorEnv(6, seconds=2.0)
+    env.reset(seed=1)
+    env.action_space.seed(3)
+
+    def check(info):
+        for b in range(6):
+            (x, y, _), (u, v, heading) = (env.convoy.world.pose(b, robot) for robot in (0, 1))
+            assert info["distance_m"][b] == pytest.approx(math.hypot(x - u, y - v))
+            towards = math.atan2(y - v, x - u)
+            apart = (info["bearing_rad"][b] - towards + heading + math.pi) % (2 * math.pi)
+            assert apart == pytest.approx(math.pi, abs=1e-6)
+        assert not info["contact"].any()
+
+    for _ in range(60):
+        *_, terminated, _, info = env.step(env.action_space.sample())
+        check(info)
+        assert info["lost"].tolist() == terminated.tolist()
+    _, info = env.reset(options={"reset_mask": np.array([True] + 5 * [False])})
+    check(info)
+
+
+def test_errors_that_are_observed_are_those_of_the_tile_and_the_reward():
+    config = replace(
+        wb.ConvoyConfig(drive="rolling", followers=1), noise_distance_m=0.02, filter="alpha-beta"
+    )
+    env = wb.FollowEnv(config)
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    for _ in range(200):
+        (u, v), reward, lost, cut, _ = env.step(env.action_space.sample())
+        if lost or cut:
+            env.reset()
+            continue
+        assert reward == pytest.approx(-(float(u) ** 2) - float(v) ** 2, abs=1e-5)
+        e_d, bearing = float(u) * config.half_range_m, float(v) * config.bearing_limit_rad
+        assert config.grid().index(e_d, bearing) == env.convoy.robots["choice"]["state"][0, 1]
+
+
+def test_a_leader_that_has_stopped_is_no_environment():
+    rough = replace(wb.ConvoyConfig().track, judder_rms_m=0.05)
+    env = wb.FollowEnv(wb.ConvoyConfig(drive="planar", followers=1, track=rough), seconds=1000.0)
+    env.reset(seed=1)
+    with pytest.raises(RuntimeError, match="the leader has lost its line and stopped"):
+        for _ in range(2000):
+            *_, lost, _, _ = env.step(24)
+            if lost:
+                env.reset()

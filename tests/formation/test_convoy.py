@@ -176,7 +176,9 @@ def test_the_leader_follows_the_line_with_its_ground_sensors(drive, shape, direc
 def test_the_leader_does_not_know_the_track():
     convoy = Convoy(replace(PLANAR, followers=1), (1,), steps=10**6)
     convoy.world.floor.raster[:] = FAR  # the line is gone: it cannot follow what it does not see
-    with pytest.raises(RuntimeError, match=r"seed 1: the leader is \d\.\d+ m from its line after"):
+    with pytest.raises(
+        RuntimeError, match=r"seed 1: the leader has lost its line and stopped, \d\.\d+ m"
+    ):
         convoy.run_block()
     leader = convoy._block[0, :300, 0]
     path = np.column_stack([leader["x"], leader["y"]]).astype(float)

@@ -8,6 +8,7 @@ import pytest
 
 import workbench as wb
 from workbench.formation.laws.carrot import CarrotPI
+from workbench.lab import outsiders
 from workbench.lab.outsiders import Seen, Step
 
 CONFIG = wb.ConvoyConfig(drive="rolling", followers=2, seed=1)
@@ -34,7 +35,7 @@ class Recorded:
 def test_a_learner_is_told_every_action_and_what_came_of_it():
     learner = Recorded(CONFIG)
     run = wb.learn_own(learner, CONFIG, steps=1e3, progress=False)
-    assert run.updates == len(learner.steps) >= 1000
+    assert run.updates == len(learner.steps) == 1000
     assert run.summary["losses"] == sum(step.after is None for _, step in learner.steps) > 0
     grid = CONFIG.grid()
     for _, step in learner.steps:
@@ -147,12 +148,153 @@ def test_actions_that_are_none_are_refused(action, message):
 
 
 def test_what_cannot_be_is_refused_at_once(tmp_path):
-    with pytest.raises(TypeError, match="Plain lacks learn, table; expected an object with"):
+    with pytest.raises(TypeError, match="Plain lacks learn; expected an object with"):
         wb.learn_own(Plain(), CONFIG, steps=100)
     with pytest.raises(TypeError, match="CarrotPI lacks act"):
         wb.evaluate_own(CarrotPI(), CONFIG)
     with pytest.raises(ValueError, match="expected 'wheels' and 0: Python says wheel speeds"):
         wb.evaluate_own(Plain(), replace(CONFIG, actions="relative"))
     run = wb.evaluate_own(Plain(), CONFIG, minutes=0.2, progress=False)
-    with pytest.raises(ValueError, match="a law of your own is code and is not stored"):
+    with pytest.raises(ValueError, match="an object of your own is code and is not stored"):
         run.save(tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+    with pytest.raises(ValueError, match=r"does not keep: call evaluate_own\(object, config\)"):
+        wb.evaluate(run, minutes=1)
+    with pytest.raises(TypeError, match=r"or evaluate_own\(object, config\) for an object"):
+        wb.evaluate(Plain(), CONFIG)
+    for changes, message in (
+        ({"reward": "own"}, "with the function None"),
+        ({"weights": "first"}, "expected 'own' and 'table'"),
+        ({"learn_by": "output", "output": "interpolated"}, "expected 'own' and 'table'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            wb.learn_own(Recorded(CONFIG), replace(CONFIG, **changes), steps=100)
+
+
+def test_a_wrong_table_is_refused_before_anybody_drives():
+    class Wrong(Recorded):
+        def act(self, follower, seen):
+            raise AssertionError("somebody drives")
+
+        def table(self):
+            return np.zeros((81, 49))
+
+    with pytest.raises(ValueError, match="its tiles and levels ask for"):
+        wb.learn_own(Wrong(CONFIG), CONFIG, steps=100)
+
+
+class OneStepQ(Recorded):
+    """What the compiled rule watkins-q does with λ = 0, ε = 0 and no update buffer."""
+
+    def __init__(self, config):
+        super().__init__(config)
+        self.learner = config.learner
+        shape = (config.followers, config.rows, config.action_count)
+        self.q = np.full(shape, self.learner.theta0)
+
+    def act(self, follower, seen):
+        return int(self.q[follower, seen.state].argmax())
+
+    def learn(self, follower, step):
+        q = self.q[follower]
+        ahead = 0.0 if step.after is None else self.learner.gamma * q[step.after.state].max()
+        value = q[step.seen.state, step.action]
+        q[step.seen.state, step.action] += self.learner.alpha * (step.reward + ahead - value)
+
+    def table(self):
+        return self.q
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"reset": "restart", "followers": 4},
+        {"noise_distance_m": 0.02, "filter": "alpha-beta"},
+        {"body": wb.ConvoyConfig().body.__class__(delay=2), "prediction": "both"},
+        {"sensing": "camera"},
+    ],
+    ids=["plain", "restart", "filter", "prediction", "camera"],
+)
+def test_the_compiled_rule_written_as_an_object_learns_the_same(changes):
+    rule = wb.LearnerConfig(rule="watkins-q", lam=0.0, epsilon=0.0, epsilon_final=0.0, buffer=False)
+    config = replace(CONFIG, learner=rule, **changes)
+    length = 500 * config.followers
+    inside = wb.learn(config, steps=length, progress=False)
+    outside = wb.learn_own(OneStepQ(config), config, steps=length, progress=False)
+    np.testing.assert_allclose(outside.policy.theta, inside.policy.theta, atol=1e-6)
+    for name in ("losses", "rms_distance_error_mm", "bearing_std_deg"):
+        assert outside.summary[name] == pytest.approx(inside.summary[name], rel=1e-6), name
+
+
+def test_what_is_seen_is_what_the_tile_is_of():
+    class Looks(Recorded):
+        def act(self, follower, seen):
+            e_d = seen.distance_m - CONFIG.middle_m
+            assert CONFIG.grid().index(e_d, seen.bearing_rad) == seen.state
+            return 24
+
+    config = replace(CONFIG, noise_distance_m=0.02, filter="alpha-beta", prediction="both")
+    wb.learn_own(Looks(config), config, steps=500, progress=False)
+
+
+def test_records_have_the_commands_also_of_those_that_drive_back():
+    run = wb.learn_own(Recorded(CONFIG), CONFIG, steps=2000, progress=False)
+    samples = run.records["samples"]
+    away = samples["phase"][:, 1:] != 0
+    assert away.any() and np.all(samples["left"][:, 1:][away] != 0)
+    done = samples["state"][:, 1:] >= 0
+    assert set(samples["action"][:, 1:][done]) == {24}
+
+
+def test_a_learner_without_a_table_is_judged_by_driving():
+    class Nobody:
+        def act(self, follower, seen):
+            return Plain().act(follower, seen)
+
+        def learn(self, follower, step):
+            self.last = step
+
+    learner = Nobody()
+    told = []
+    run = wb.learn_own(learner, CONFIG, steps=6000, progress=told.append)
+    assert run.kind == "learn-own" and sum(told) == 6000 and told[0] > 0
+    assert wb.evaluate_own(learner, CONFIG, minutes=1, progress=False).summary["losses"] == 0
+    with pytest.raises(ValueError, match="does not keep"):
+        wb.evaluate(run, minutes=1)
+
+
+def test_an_own_learner_s_run_is_not_taken_for_another_s(tmp_path):
+    run = wb.learn_own(Recorded(CONFIG), CONFIG, steps=300, progress=False)
+    run.save(tmp_path / "run")
+    assert wb.load_run(tmp_path / "run").kind == "learn-own"
+    with pytest.raises(ValueError, match="kind"):
+        wb.learn(CONFIG, steps=300, out=tmp_path / "run", resume=True, progress=False)
+
+
+def test_learning_that_goes_nowhere_ends(monkeypatch):
+    monkeypatch.setattr(outsiders, "PATIENCE", 0)
+
+    class Stands(Recorded):
+        def act(self, follower, seen):
+            return (0.0, 0.0)
+
+    config = replace(CONFIG, followers=1, sight_m=0.221, wheel_speed_mps=(0.0, 0.1))
+    with pytest.raises(RuntimeError, match=r"only \d+ of 5000 updates in 25000 control periods"):
+        wb.learn_own(Stands(config), config, steps=5000, progress=False)
+
+
+def test_an_action_that_is_reused_is_kept_as_it_was():
+    class Reuses(Recorded):
+        speeds = np.zeros(2)
+
+        def act(self, follower, seen):
+            self.speeds[:] = 0.05 + 0.01 * follower
+            return self.speeds
+
+    learner = Reuses(CONFIG)
+    wb.learn_own(learner, CONFIG, steps=50, progress=False)
+    assert {(k, *np.round(step.action, 6)) for k, step in learner.steps} == {
+        (0, 0.05, 0.05),
+        (1, 0.06, 0.06),
+    }

@@ -32,7 +32,7 @@ from workbench.robot.infrared import ADC, SENSORS
 
 OBSERVATIONS = ("errors", "tiles", "infrared")
 ACTIONS = ("discrete", "continuous")
-_MADE = ("_convoy", "_clock", "_steps", "own")  # not kept with a copy
+_MADE = ("_convoy", "_clock", "own")  # not kept with a copy
 CLIP = 2.0  # errors in units of their bounds, at most
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -99,6 +99,7 @@ class Formations:
         self.rng = np.random.default_rng([seeds[0], 1] if alone else [*seeds, 1])
         self.t = 0
         self.age = np.zeros(self.formations, np.int64)
+        self._lost = np.zeros((self.formations, self.config.followers), bool)
         self.begin(np.arange(self.formations))
 
     def _make(self, seeds: Sequence[int]) -> None:
@@ -137,6 +138,7 @@ class Formations:
         convoy = self.convoy
         waiting = which
         self.age[which] = 0
+        self._lost[which] = False
         for attempt in range(100):
             if (
                 attempt % 10 == 0
@@ -185,26 +187,28 @@ class Formations:
         """Let everybody who takes part sense; return rewards and losses of actions that end now,
         (B, followers) each.
         """
-        steps = self._steps = self.convoy.period(self.t)
+        steps = self.convoy.period(self.t)
         self.t += 1
         resting = self.convoy.resting[:, None] != 0
         reward = steps["reward"][:, 1:].astype(np.float64)
-        lost = steps["event"][:, 1:] & LOSS != 0
-        return np.where(resting, 0.0, reward), lost & ~resting
+        lost = (steps["event"][:, 1:] & LOSS != 0) & ~resting
+        self._lost = np.where(resting, self._lost, lost)
+        return np.where(resting, 0.0, reward), lost
 
     def truth(self) -> dict[str, NDArray[Any]]:
         """Return what is so, whatever the senses say, (B, followers) each: distance in m and
-        bearing in rad of the robot in front, whether it was lost now, whether the two touch.
+        bearing in rad of the robot in front, whether it was lost by the last action, whether the
+        two touch.
         """
-        x, y, heading = (self._steps[name].astype(np.float64) for name in ("x", "y", "heading"))
-        dx, dy = x[:, :-1] - x[:, 1:], y[:, :-1] - y[:, 1:]
+        pose = self.convoy.robots["pose"]
+        dx, dy = (pose[name][:, :-1] - pose[name][:, 1:] for name in ("x", "y"))
         distance = np.hypot(dx, dy)
-        bearing = (np.arctan2(dy, dx) - heading[:, 1:] + np.pi) % (2 * np.pi) - np.pi
+        cos, sin = pose["cos"][:, 1:], pose["sin"][:, 1:]
         touch = 2 * self.config.robot.body_radius_m
         return {
             "distance_m": distance,
-            "bearing_rad": bearing,
-            "lost": self._steps["event"][:, 1:] & LOSS != 0,
+            "bearing_rad": np.arctan2(dy * cos - dx * sin, dx * cos + dy * sin),
+            "lost": self._lost.copy(),
             "contact": distance < touch,
         }
 
@@ -283,8 +287,9 @@ class Formations:
             return np.where(state < 0, self.states, state)
         if self.observation == "infrared":
             return robots["infrared"]["readings"].astype(np.float32)
-        u = (robots["seen"]["distance"] - self.config.middle_m) / self.config.half_range_m
-        v = robots["seen"]["bearing"] / self.config.bearing_limit_rad
+        seen = robots["seen"]
+        u = (seen["perceived_distance"] - self.config.middle_m) / self.config.half_range_m
+        v = seen["perceived_bearing"] / self.config.bearing_limit_rad
         return np.clip(np.stack([u, v], axis=-1), -CLIP, CLIP).astype(np.float32)
 
 

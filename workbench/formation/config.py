@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 from workbench.arena.camera.config import CameraConfig
 from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import TrackConfig
-from workbench.fields import choice, configuration, flag, integer, integers, part, real, reals
+from workbench.fields import (
+    Named,
+    choice,
+    configuration,
+    flag,
+    integer,
+    integers,
+    part,
+    real,
+    reals,
+)
 from workbench.formation.body import BodyConfig
 from workbench.formation.estimate import FILTERS, LONGEST_S, PREDICTIONS, EstimateConfig
 from workbench.formation.output import ACTIONS, LEARN_BY, OUTPUTS
@@ -278,8 +288,8 @@ class ConvoyConfig:
         if self.distance_m[0] <= 2 * robot.body_radius_m:
             raise ValueError(
                 f"ConvoyConfig.distance_m = {self.distance_m!r}; two robots touch at "
-                f"{2 * robot.body_radius_m:g} m: "
-                "expected a near bound above that"
+                f"{2 * robot.body_radius_m:g} m: expected a near bound above that; "
+                "config.with_robot(robot) scales distances, speeds and track with a robot"
             )
         if max(abs(speed) for speed in self.wheel_speed_mps) > most:
             raise ValueError(
@@ -456,25 +466,27 @@ def _times(factor: float, pair: tuple[float, float]) -> tuple[float, float]:
 # actions, and commands interpolated between them, with a trim that takes away the offset: 135
 # weights, exact, calm, also under noise. "infrared": with nothing but the two front sensors, 8 to
 # 13 cm and ±25° (notebook 05).
-SETTINGS = {
-    "paper": ConvoyConfig(),
-    "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),
-    "logarithmic": ConvoyConfig(
-        distance_tiling="logarithmic",
-        bearing_tiling="logarithmic",
-        learner=LearnerConfig(theta0=0.0),
-    ),
-    "offset": ConvoyConfig(state_tiles=(5, 5), tilings=4),
-    "recommended": ConvoyConfig(
-        state_tiles=(5, 3), action_levels=(3, 3), output="interpolated", trim=0.01
-    ),
-    "infrared": ConvoyConfig(
-        sensing="ir-metric",
-        distance_m=(0.08, 0.13),
-        bearing_limit_rad=math.radians(25),
-        leader_speed_mps=0.05,
-        distance_tiling="logarithmic",
-        bearing_tiling="logarithmic",
-        inner_distance_m=0.002,
-    ),
-}
+SETTINGS = Named[ConvoyConfig](
+    {
+        "paper": ConvoyConfig(),
+        "paper-robot": ConvoyConfig(state_tiles=(5, 5), action_levels=(3, 3)),
+        "logarithmic": ConvoyConfig(
+            distance_tiling="logarithmic",
+            bearing_tiling="logarithmic",
+            learner=LearnerConfig(theta0=0.0),
+        ),
+        "offset": ConvoyConfig(state_tiles=(5, 5), tilings=4),
+        "recommended": ConvoyConfig(
+            state_tiles=(5, 3), action_levels=(3, 3), output="interpolated", trim=0.01
+        ),
+        "infrared": ConvoyConfig(
+            sensing="ir-metric",
+            distance_m=(0.08, 0.13),
+            bearing_limit_rad=math.radians(25),
+            leader_speed_mps=0.05,
+            distance_tiling="logarithmic",
+            bearing_tiling="logarithmic",
+            inner_distance_m=0.002,
+        ),
+    }
+)

@@ -49,6 +49,7 @@ from workbench.formation.initial_weights import first_weights
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.outside import Outside
 from workbench.formation.laws.table import check_law
+from workbench.formation.leader import GONE
 from workbench.formation.lean import is_plain, lean
 from workbench.formation.own_reward import OwnReward, check_reward, trouble
 from workbench.formation.places import track_of
@@ -369,24 +370,25 @@ class Convoy:
             self._block[b, done:] = _UNUSED
             if done:  # a formation that has just finished took no step after its last commands
                 self.world.check(b, int(self.periods[b]) - int(self._formations["done"][b]))
-                self._check_leader(b, int(done))
+        self._check_leaders()
         return self._block
 
-    def _check_leader(self, b: int, done: int) -> None:
-        """Raise RuntimeError if a leader that drives by itself has left its line for good."""
-        if self.task["run"]["external"][0] == 0:
+    def _check_leaders(self) -> None:
+        """Raise RuntimeError if a leader that drives by itself has stopped, as its ground sensors
+        see no line any more.
+        """
+        gone = np.flatnonzero(self.robots["reset"]["timer"][:, 0] > GONE)
+        if not gone.size or self.task["run"]["external"][0] == 0:
             return
-        leader = self._block[b, done - 1, 0]
-        away = abs(float(self.world.tracks[b].deviation([(leader["x"], leader["y"])])[0]))
-        robot = self.config.robot
-        reach = math.hypot(robot.ground_x_m, robot.ground_y_m) + self.config.track.line_width_m / 2
-        if away > reach:
-            raise RuntimeError(
-                f"seed {self.seeds[b]}: the leader is {away:.3f} m from its line after "
-                f"{int(self.periods[b]) * CONTROL_PERIOD:.0f} s, its ground sensors see no farther "
-                f"than {reach:.3f} m: expected a slower leader_speed_mps, wider curves "
-                "(track.radius_m), or a robot whose sizes fit each other (RobotConfig)"
-            )
+        b = int(gone[0])
+        pose = self.robots["pose"][b, 0]
+        away = abs(float(self.world.tracks[b].deviation([(pose["x"], pose["y"])])[0]))
+        raise RuntimeError(
+            f"seed {self.seeds[b]}: the leader has lost its line and stopped, {away:.3f} m from "
+            f"it, within {int(self.periods[b]) * CONTROL_PERIOD:.0f} s: expected a slower "
+            "leader_speed_mps, wider curves (track.radius_m), less judder, or a robot whose sizes "
+            "fit each other (RobotConfig)"
+        )
 
     def _run_formations(self, physics: Engine) -> None:
         """Run a block formation by formation, physics in compiled code, on as many threads as the
@@ -461,6 +463,7 @@ class Convoy:
         flags = self._act_all(t % BLOCK, self._arrays)
         if flags:
             self._attend(flags, t % BLOCK, range(len(self.seeds)))
+        self._check_leaders()
         steps: NDArray[np.void] = self._block[:, t % BLOCK]
         return steps
 

@@ -341,6 +341,8 @@ def act(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, b
 @compiled
 def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, bool]:
     distance, bearing = perceive(task, follower)
+    follower.seen.perceived_distance = distance
+    follower.seen.perceived_bearing = bearing
     finite = True
     e_d = distance - task.bounds.middle
     # a reset goes on, or ends here

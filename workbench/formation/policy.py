@@ -94,11 +94,8 @@ class Policy:
         low, high = best.min(), best.max()
         scaled = 0.02 + 0.98 * (best - low) / (high - low if high > low else 1.0)
         words = f"best value, {low:.2f} to {high:.2f}"
-        maps = [
-            markup.heat(table.reshape(shape), f"table {k}: {words}")
-            for k, table in enumerate(scaled)
-        ]
-        return markup.table([], repr(self)) + "".join(maps)
+        maps = markup.heats(scaled.reshape(-1, *shape), f"table {{}}: {words}")
+        return markup.table([], repr(self)) + maps
 
     def grids(self) -> tuple[TileGrid, ...]:
         """Return the offset grids whose cells are the rows of a table, as

@@ -47,8 +47,16 @@ MOTION = np.dtype(  # over the last control period, along the heading: m/s, rad/
         ("from_sin", "f8"),
     ]
 )
-SEEN = np.dtype(  # the robot in front, m and rad; a reading since the start; none arrives now
-    [("distance", "f8"), ("bearing", "f8"), ("heard", "i8"), ("silent", "i8")]
+SEEN = np.dtype(  # the robot in front, m and rad, as read, and as filtered and predicted; a
+    # reading since the start; none arrives now
+    [
+        ("distance", "f8"),
+        ("bearing", "f8"),
+        ("perceived_distance", "f8"),
+        ("perceived_bearing", "f8"),
+        ("heard", "i8"),
+        ("silent", "i8"),
+    ]
 )
 COMMAND = np.dtype([("left", "i8"), ("right", "i8")])  # the last one, whole steps/s
 

@@ -72,9 +72,9 @@ class Run:
     """A finished run: print it, or let a notebook show it.
 
     Attributes:
-        kind: "learn" or "evaluate".
+        kind: "learn", "learn-own" (a learner of one's own) or "evaluate".
         config: what it ran with.
-        length: learning updates asked for ("learn") or control periods ("evaluate").
+        length: learning updates asked for, or control periods ("evaluate").
         updates: learning updates done.
         policy: the learned (or the followed) action values with their tiles and levels, or the law
             that drove.
@@ -94,7 +94,7 @@ class Run:
 
     def __repr__(self) -> str:
         """Say what was run, for how long, and how often anybody was lost."""
-        unit = "updates" if self.kind == "learn" else "control periods"
+        unit = "control periods" if self.kind == "evaluate" else "updates"
         losses = self.summary["losses"]
         return f"Run({self.kind}, {self.length:,} {unit}, {losses} losses, {self.config!r})"
 
@@ -103,11 +103,8 @@ class Run:
         named = [(words, self.summary[name]) for name, words in _SHOWN.items()]
         rows = [(words, value) for words, value in named if value is not None]
         most = np.log1p(self.visits.max()) or 1.0
-        maps = [
-            markup.heat(np.log1p(visits) / most, f"follower {k}: visits (log)")
-            for k, visits in enumerate(self.visits, 1)
-        ]
-        return markup.table(rows, repr(self)) + "".join(maps)
+        shares = np.log1p(self.visits) / most
+        return markup.table(rows, repr(self)) + markup.heats(shares, "follower {}: visits (log)")
 
     @property
     def visits(self) -> NDArray[np.int64]:
@@ -130,6 +127,7 @@ class Run:
         folder = Path(path).expanduser()
         if not overwrite:
             storage.refuse_existing(folder)
+        self.policy.arrays()  # refuses code before anything is written
         with locked(folder):
             for name in (
                 "summary.json",
@@ -201,11 +199,12 @@ def learn_seeds(
     ``out``/seed-N.
     """
     folder = _place(out)
+    if isinstance(seeds, int):
+        raise TypeError(f"seeds = {seeds!r}; expected several, such as range(1, 11)")
     folders = [folder / f"seed-{seed}" for seed in seeds] if folder else None
     config, own = with_reward(config, reward)
-    batch = _Batch(
-        "learn", config, tuple(seeds), fields.positive("steps", steps), None, folders, threads, own
-    )
+    length = fields.positive("steps", steps)
+    batch = _Batch("learn", config, tuple(seeds), length, None, folders, threads, own)
     return batch.run(folder, resume, wait_s, progress, checkpoint_s)
 
 
@@ -262,7 +261,7 @@ def evaluate(
 
 
 def evaluate_seeds(
-    policies: Sequence[Controller],
+    policies: Sequence[Controller | Run],
     config: ConvoyConfig,
     seeds: Sequence[int],
     *,
@@ -292,7 +291,7 @@ def _place(out: str | Path | None) -> Path | None:
 
 
 def _evaluation(
-    policies: Sequence[Controller],
+    policies: Sequence[Controller | Run],
     config: ConvoyConfig,
     seeds: Sequence[int],
     minutes: float,
@@ -303,13 +302,14 @@ def _evaluation(
         raise ValueError(
             f"{len(policies)} policies for {len(seeds)} seeds; give one policy per seed"
         )
-    for policy in policies:
+    drivers = [controller_of(policy) for policy in policies]
+    for policy in drivers:
         check_controller(policy)
     if (
         len(
             {
                 policy.theta.shape if isinstance(policy, Policy) else policy.sha256()
-                for policy in policies
+                for policy in drivers
             }
         )
         > 1
@@ -318,10 +318,22 @@ def _evaluation(
             "the policies differ in their numbers of tables, or are different laws; evaluate "
             "them apart"
         )
-    if not 0 < minutes <= 1e6:
-        raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
-    periods = fields.positive("periods", round(minutes * 60 / CONTROL_PERIOD))
-    return _Batch("evaluate", config, tuple(seeds), periods, list(policies), folders, threads)
+    periods = periods_of(minutes)
+    return _Batch("evaluate", config, tuple(seeds), periods, drivers, folders, threads)
+
+
+def periods_of(minutes: float) -> int:
+    """Return a simulated time as control periods.
+
+    Raises:
+        ValueError: less than one of them, or more than 1e6 minutes.
+    """
+    if not CONTROL_PERIOD / 60 <= minutes <= 1e6:
+        raise ValueError(
+            f"minutes = {minutes!r}; expected simulated minutes, from a control period "
+            f"({CONTROL_PERIOD:g} s) to 1e6"
+        )
+    return round(minutes * 60 / CONTROL_PERIOD)
 
 
 def load_run(path: str | Path) -> Run:
@@ -611,7 +623,7 @@ def _header(
         "schema": SCHEMA,
         "kind": kind,
         "length": length,
-        "unit": "updates" if kind == "learn" else "control periods",
+        "unit": "control periods" if kind == "evaluate" else "updates",
         "policy_sha256": policy.sha256()
         if policy is not None
         else None,  # what it started from, or followed

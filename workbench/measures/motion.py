@@ -33,7 +33,7 @@ from workbench.formation.laws.table import Controller, check_controller
 from workbench.formation.places import track_of
 from workbench.formation.reset import FOLLOW
 from workbench.lab.records import sampled_blocks
-from workbench.lab.runs import Run, controller_of, elsewhere
+from workbench.lab.runs import Run, controller_of, elsewhere, periods_of
 from workbench.measures.smoothness import ldlj_vector
 from workbench.robot.description import EPUCK, RobotConfig
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -200,11 +200,9 @@ def follow(
     config = elsewhere(policy, config)
     policy = controller_of(policy)
     check_controller(policy)
-    if not 0 < minutes <= 1e5:
-        raise ValueError(f"minutes = {minutes!r}; expected simulated minutes above 0")
     policy.check(config)
     driver = policy if isinstance(policy, ControlLaw) else policy.theta
-    periods = max(3, round(minutes * 60 / CONTROL_PERIOD))
+    periods = max(3, periods_of(minutes))
     convoy = Convoy(config, [config.seed], periods=periods, policy=driver, threads=1)
     return Motion.of_steps(convoy.whole(), convoy.world.tracks[0], config.robot)
 

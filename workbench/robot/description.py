@@ -3,7 +3,13 @@ defaults are the e-puck's.
 
 A description is a JSON file with any of the fields of ``RobotConfig``. What it leaves out is an
 e-puck's, grown with the body: lengths with its radius r, the mass with r³, wheels' masses with the
-mass m, moments of inertia with m r²; motor steps stay, so that speeds grow with the wheels. Files
+mass m, moments of inertia with m r²; motor steps stay, so that speeds grow with the wheels.
+``most_mps`` says the fastest speed of a wheel in m/s in the place of ``most_steps``, ``source``
+what a reader should know of the numbers. Four numbers make a robot:
+
+    {"body_radius_m": 0.09, "wheel_radius_m": 0.03, "track_m": 0.14, "most_mps": 0.4}
+
+``RobotConfig(…)`` itself grows nothing: what it leaves out is as on the e-puck. Files
 stand in ``data/robots/``; ``load_robot`` reads one of them by name, or any other
 by path.
 
@@ -25,21 +31,23 @@ from workbench.fields import configuration, integer, real, reals
 from workbench.robot import geometry as g
 from workbench.robot.geometry import MAX_STEPS, TICKS
 
+_RADII = (0.01, 1.0)
+
 
 @configuration
 class RobotConfig:
     """Sizes, masses and motors of a robot with two driven wheels."""
 
     body_radius_m: float = real(
-        0.01, 1.0, "m", "radius of the body seen from above", default=g.BODY_RADIUS
+        *_RADII, "m", "radius of the body seen from above", default=g.BODY_RADIUS
     )
     body_height_m: float = real(0.01, 3.0, "m", "height of the body", default=g.BODY_HEIGHT)
-    mass_kg: float = real(0.01, 500.0, "kg", "mass, wheels included", default=g.BODY_MASS)
+    mass_kg: float = real(0.001, 5000.0, "kg", "mass, wheels included", default=g.BODY_MASS)
     inertia_kg_m2: tuple[float, float, float] = reals(
-        1e-7, 1000.0, "kg m²", "principal moments of inertia about x, y and z", default=g.INERTIA
+        1e-8, 10_000.0, "kg m²", "principal moments of inertia about x, y and z", default=g.INERTIA
     )
-    wheel_radius_m: float = real(0.005, 0.5, "m", "radius of the wheels", default=g.WHEEL_RADIUS)
-    wheel_mass_kg: float = real(0.0005, 50.0, "kg", "mass of each wheel", default=g.WHEEL_MASS)
+    wheel_radius_m: float = real(0.005, 1.0, "m", "radius of the wheels", default=g.WHEEL_RADIUS)
+    wheel_mass_kg: float = real(0.00005, 500.0, "kg", "mass of each wheel", default=g.WHEEL_MASS)
     track_m: float = real(0.01, 2.0, "m", "distance between the wheels", default=g.TRACK)
     steps_per_turn: int = integer(
         1,
@@ -79,6 +87,12 @@ class RobotConfig:
                 f"{self.body_radius_m!r}; expected wheels within "
                 "the body: a smaller track or a larger body"
             )
+        for name in ("wheel_radius_m", "slider_x_m", "ground_x_m", "ground_y_m"):
+            if getattr(self, name) > self.body_radius_m:
+                raise ValueError(
+                    f"RobotConfig.{name} = {getattr(self, name)!r} with body_radius_m = "
+                    f"{self.body_radius_m!r}; expected every part within the body"
+                )
         if 0 < self.timer_hz < self.most_steps:
             raise ValueError(
                 f"RobotConfig.most_steps = {self.most_steps!r} with timer_hz = "
@@ -159,7 +173,7 @@ def load_robot(name: str | Path) -> RobotConfig:
         raise ValueError(
             f"{path} holds a {type(given).__name__}; expected an object with fields of RobotConfig"
         )
-    given.pop("source", None)  # what a reader should know of the numbers
+    given.pop("source", None)
     try:
         return fields.from_dict(RobotConfig, _grown(given))
     except (TypeError, ValueError) as error:
@@ -180,16 +194,39 @@ _LENGTHS = (
 def _grown(given: dict[str, Any]) -> dict[str, Any]:
     """Return a description with what it leaves out, grown with the body."""
     size = _against_epuck(given, "body_radius_m")
+    if not _RADII[0] / g.BODY_RADIUS <= size <= _RADII[1] / g.BODY_RADIUS:
+        return given  # the radius itself is refused
     whole = {name: getattr(EPUCK, name) * size for name in _LENGTHS}
     whole["mass_kg"] = EPUCK.mass_kg * size**3
     mass = _against_epuck(whole | given, "mass_kg")
     whole["wheel_mass_kg"] = EPUCK.wheel_mass_kg * mass
     whole["inertia_kg_m2"] = [each * mass * size**2 for each in EPUCK.inertia_kg_m2]
-    return whole | given
+    return _in_steps(whole | given)
+
+
+def _in_steps(given: dict[str, Any]) -> dict[str, Any]:
+    """Return a description with its wheels' fastest speed as motor steps/s.
+
+    Raises:
+        ValueError: it is no positive number, or is given twice.
+    """
+    known = dict(given)
+    most = known.pop("most_mps", None)
+    if most is None:
+        return known
+    if "most_steps" in known or not isinstance(most, (int, float)) or not 0 < most < math.inf:
+        raise ValueError(
+            f"most_mps = {most!r} with most_steps = {known.get('most_steps')!r}; expected one of "
+            "them: a wheel's fastest speed in m/s above 0, or in steps/s"
+        )
+    turns = most / (2 * math.pi * known["wheel_radius_m"])
+    known["most_steps"] = round(turns * known.get("steps_per_turn", EPUCK.steps_per_turn))
+    return known
 
 
 def _against_epuck(given: dict[str, Any], name: str) -> float:
     """Return a number against the e-puck's; what is no number is refused by the field itself."""
     value = given.get(name)
-    usable = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return value / getattr(EPUCK, name) if usable else 1.0
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return 1.0
+    return value / getattr(EPUCK, name) if 0 < value < 1e6 else 1.0

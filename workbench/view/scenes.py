@@ -138,7 +138,7 @@ class StoredScene:
     def of_run(cls, run: Run) -> "StoredScene":
         """Return the last whole block of a run."""
         start, steps = sampled_blocks(run.records)[-1]
-        unit = "updates" if run.kind == "learn" else "control periods"
+        unit = "control periods" if run.kind == "evaluate" else "updates"
         return cls(
             run.config,
             _frames_of(steps, run.config),

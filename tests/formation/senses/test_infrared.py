@@ -188,7 +188,9 @@ def test_the_leader_follows_the_line_on_sensors_of_its_own_and_stops_where_there
         ConvoyConfig(followers=1, drive="planar"), [1], periods=100, policy=np.zeros((1, 81, 49))
     )
     convoy.world.floor.raster[:] = FAR  # the line is gone
-    with pytest.raises(RuntimeError, match="the leader is .* m from its line after 10 s"):
+    with pytest.raises(
+        RuntimeError, match=r"has lost its line and stopped, .* m from it, within 10 s"
+    ):
         convoy.run_block()
     steps = convoy._block[0][:100, 0]
     assert np.all(steps["left"][40:] == 0) and np.all(steps["right"][40:] == 0)

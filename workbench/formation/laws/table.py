@@ -22,6 +22,7 @@ Default gains are our choice: plain values with time constants of a quarter of a
 not optimised on any study's tracks. A law of one's own is a file beside this one and a row here.
 """
 
+import inspect
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -44,9 +45,9 @@ from workbench.formation.policy import Policy
 from workbench.formation.senses.table import SENSING
 
 # the laws that have a name in files and on the command line
-LAWS: dict[str, type[ControlLaw]] = {
-    law.name: law for law in (CarrotPI, LeaderFrame, LPsi, PurePursuit, PathReconstruction)
-}
+LAWS = fields.Named[type[ControlLaw]](
+    {law.name: law for law in (CarrotPI, LeaderFrame, LPsi, PurePursuit, PathReconstruction)}
+)
 Controller = Policy | ControlLaw
 
 _STEERING: tuple[type[ControlLaw], ...] = (*LAWS.values(), OwnLaw)
@@ -102,10 +103,12 @@ def check_controller(policy: object) -> None:
     if isinstance(policy, (Policy, ControlLaw)):
         return
     named = policy if isinstance(policy, str) else getattr(policy, "name", "carrot")
-    raise TypeError(
-        f"policy = {policy!r}; expected the policy of a run (run.policy), or a law with its "
-        f"gains, such as LAWS[{named!r}]()"
-    )
+    remedy = f"a law with its gains, such as LAWS[{named!r}]()"
+    if callable(getattr(policy, "act", None)):
+        remedy = "evaluate_own(object, config) for an object with act"
+    elif inspect.isfunction(policy):
+        remedy = "OwnLaw(function=…) for a function of distance and bearing"
+    raise TypeError(f"policy = {policy!r}; expected a run, its policy (run.policy), or {remedy}")
 
 
 def controller_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Controller:
