@@ -321,3 +321,31 @@ def test_workers_that_measure_otherwise_are_refused():
     _same_sources(Cluster(""), functions)
     with pytest.raises(RuntimeError, match="with other sources or versions.*: tcp://two; update"):
         _same_sources(Cluster("0" * 16), functions)
+
+
+def test_a_robot_of_a_file_scales_the_task_and_what_is_set_after_it_stays(tmp_path, capsys):
+    place = tmp_path / "mine.json"
+    place.write_text(json.dumps({"body_radius_m": 0.07, "most_mps": 0.25}))
+    told = ["--minutes", "1", "--drive", "rolling", "--set", f"robot={place}"]
+    assert main(["evaluate", "carrot", *told, "--set", "distance_m=0.2,0.5"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["losses"] == 0
+    assert main(["evaluate", "carrot", "--set", "robot=larg"]) == 2
+    assert "expected a path that ends in .json, or one of: epuck, large" in capsys.readouterr().err
+
+
+def test_a_run_is_evaluated_on_another_track_from_the_shell_as_from_python(tmp_path, capsys):
+    out = str(tmp_path / "run")
+    assert main(["learn", *FAST, "--out", out]) == 0
+    assert main(["evaluate", out, "--minutes", "2"]) == 0
+    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    same = wb.evaluate(wb.load_run(out), minutes=2, progress=False).summary
+    assert found["seed"] == 1001 and found["losses"] == same["losses"]
+    assert found["rms_distance_error_mm"] == same["rms_distance_error_mm"]
+
+
+def test_help_lists_the_fields_of_every_part(capsys):
+    assert main(["learn", "--help"]) == 0
+    told = capsys.readouterr().out
+    for name in ("robot", "camera", "infrared", "body", "track", "estimate", "learner"):
+        assert f"\n{name}:\n" in told
+    assert "most_steps" in told and "judder_rms_m" in told

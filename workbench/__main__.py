@@ -11,7 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
@@ -121,12 +121,12 @@ def _option(*names: str, **kinds: Any) -> Callable[..., Any]:
 
 
 @verbs.command(cls=_WithFields)
-@_option("--steps", type=COUNT, help="Learning updates, summed over the followers.")
+@_option("--steps", type=COUNT, help="Learning updates of all followers (default 1_300_000).")
 @_option("--setting", help="Start from a named setting: paper, recommended, infrared, …")
-@_option("--followers", type=int, help="Robots behind the leader.")
-@_option("--drive", help="Fidelity of the simulated robot: wheels, planar or (for sweeps) rolling.")
-@_option("--sensing", help="Where errors come from: truth, camera, pixels, ir-metric, ir-raw, …")
-@_option("--seed", type=int, help="Seed of everything random.")
+@_option("--followers", type=COUNT, help="Robots behind the leader (default 4).")
+@_option("--drive", help="Simulated robot: wheels (default), planar or, for sweeps, rolling.")
+@_option("--sensing", help="Where errors come from: truth (default), camera, ir-metric, ir-raw, …")
+@_option("--seed", type=COUNT, help="Seed of everything random (default 1).")
 @_option("--out", type=PLACE, help="Folder; new or empty, unless --resume. Without: not kept.")
 @click.option("--resume", is_flag=True, help="Continue the run in --out, or show a complete one.")
 @click.option(
@@ -175,7 +175,7 @@ def learn(
 @click.argument("run", type=PLACE)
 @click.option("--minutes", type=float, default=30.0, help="Simulated minutes (default 30).")
 @_option("--drive", help="Wheels, planar or rolling (default: the run's).")
-@_option("--seed", type=int, help="Evaluation seed (default: the run's).")
+@_option("--seed", type=COUNT, help="Seed (default: a run's + 1000, another track; for a law 1).")
 @_option("--out", type=PLACE, help="Store the evaluation in this folder.")
 @click.option("--resume", is_flag=True, help="Continue the interrupted evaluation in --out.")
 @click.option(
@@ -198,12 +198,14 @@ def evaluate(
     if Path(run).exists():
         stored = runs.load_run(run)
         policy = stored.policy
-        config = stored.config
+        config = runs.elsewhere(stored, None)
     elif run in LAWS:
         policy = LAWS[run]()
         config = ConvoyConfig()
     else:
-        raise FileNotFoundError(f"{run} holds no run, and is no classical law ({', '.join(LAWS)})")
+        hint = fields.did_you_mean(run, LAWS)
+        listed = ", ".join(LAWS)
+        raise FileNotFoundError(f"{run} holds no run, and is no classical law ({listed}){hint}")
     config = _configure(fields.to_dict(config), given, fields_set)
     return dict(runs.evaluate(policy, config, minutes=minutes, out=out, resume=resume).summary)
 
@@ -218,7 +220,7 @@ def bench(others: bool) -> Result:
 
 
 @verbs.command()
-@click.argument("name")
+@click.argument("name", default="list")
 @_option("--scheduler", help="Address of a dask scheduler, tcp://HOST:PORT; default: all cores.")
 @click.option("--workers", type=int, default=0, help="Processes here (default: one per core).")
 @_option("--out", type=PLACE, help="Folder of the table (default data/studies/).")
@@ -279,7 +281,10 @@ def validate(what: str, out: str | None) -> Result:
     """
     if what not in VALIDATIONS:
         *most, last = VALIDATIONS
-        raise ValueError(f"validate {what!r}; expected {', '.join(most)} or {last}")
+        from workbench.fields import did_you_mean
+
+        hint = did_you_mean(what, [*most, last])
+        raise ValueError(f"validate {what!r}; expected {', '.join(most)} or {last}{hint}")
     module, name = VALIDATIONS[what].split(":")
     result: Result = getattr(importlib.import_module(module), name)(out=Path(out) if out else None)
     return result
@@ -559,6 +564,14 @@ def _as_lines(values: dict[str, Any], before: str = "") -> str:
     return "\n".join(lines)
 
 
+def _plain(text: str) -> Any:
+    """Return a value as JSON; several may stand with commas between them; else a bare word."""
+    for form in (text, f"[{text}]" if "," in text else text):
+        with suppress(ValueError):
+            return json.loads(form)
+    return text
+
+
 def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> Any:
     """Return a configuration from plain values, flags and NAME=VALUE settings, in this order."""
     from workbench import fields
@@ -573,10 +586,7 @@ def _configure(values: dict[str, Any], given: dict[str, Any], settings: Any) -> 
             raise ValueError(
                 f"--set {setting!r}; expected NAME=VALUE, for example learner.alpha=0.05"
             )
-        try:
-            value = json.loads(text)
-        except ValueError:
-            value = text  # a bare word
+        value = _plain(text)
         place, *rest = name.split(".")
         if rest and place not in nested:
             raise TypeError(

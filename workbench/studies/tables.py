@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from workbench import fields, paths, sources
+from workbench.fields import did_you_mean
 from workbench.formation.config import ConvoyConfig
 from workbench.lab.storage import table_bytes, write_bytes, write_json
 from workbench.lab.study import Study
@@ -141,7 +142,8 @@ def _study(name: str) -> Study:
 
 def _named(things: Mapping[str, Any], name: str, kind: str) -> Any:
     if name not in things:
-        raise ValueError(f"{kind} {name!r}; expected one of {', '.join(things) or 'none'}")
+        listed = ", ".join(things) or "none"
+        raise ValueError(f"{kind} {name!r}; expected one of {listed}{did_you_mean(name, things)}")
     return things[name]
 
 
