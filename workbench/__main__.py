@@ -462,11 +462,21 @@ def find_robots(source: str, camera: str, out: str, **kinds: Any) -> Result:
 @click.option("--unit", "units", multiple=True, metavar="NAME=UNIT", help="Unit of a column.")
 @click.option("--real", is_flag=True, help="It is of a real robot.")
 @click.option("--no-commands", is_flag=True, help="The log has no commands: zeros are written.")
+@click.option("--cut", is_flag=True, help="Cut rows out that lack a number.")
 @_option("--out", type=PLACE, help="The .csv to write (default: FILE with _recording).")
+@click.option("--overwrite", is_flag=True, help="It may exist.")
 def import_log(
     file: str, names: tuple[str, ...], units: tuple[str, ...], no_commands: bool, **kinds: Any
 ) -> Result:
-    """Make a recording of anybody's own log, a CSV of any kind or a ROS 2 bag (MCAP)."""
+    """Make a recording of anybody's own log, a CSV of any kind or a ROS 2 bag (MCAP).
+
+    NAME is one of t_s, left_command, right_command, ps0 … ps7, light0 … light7, gs_left, gs_centre,
+    gs_right, left_steps, right_steps, gyro_x, …, x_m, y_m, heading_rad, and x_m_ahead, … of the
+    robot in front. UNIT is s, ms, us, ns; steps/s, mm/s, cm/s, m/s, rad/s; m, cm, mm; rad, deg.
+
+    For example: import log.csv --robot "e-puck2 4521" --map Zeit=t_s --map Winkel=heading_rad
+    --unit Winkel=deg --unit x=mm --unit y=mm --no-commands
+    """
     from workbench.logs.csv_import import import_table
 
     pairs = [dict(_pair(text) for text in texts) for texts in (names, units)]

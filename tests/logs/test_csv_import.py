@@ -68,9 +68,9 @@ def test_times_are_taken_by_the_size_of_their_steps_and_that_is_said(tmp_path, t
 @pytest.mark.parametrize(
     ("text", "kinds", "message"),
     [
-        (PLAIN, {"robot": None}, 'which robot it was; add --robot "e-puck2 4521"'),
+        (PLAIN, {"robot": None}, 'which robot it was: add --robot "e-puck2 4521"'),
         (PLAIN.replace("left_c", "l_c"), {}, "add --map COLUMN=left_command, or --no-commands"),
-        (PLAIN.replace("t_s", "when"), {}, "no column of times.*add --map COLUMN=t_s"),
+        (PLAIN.replace("t_s", "when"), {}, "has no column t_s: add --map COLUMN=t_s"),
         ("t_s,left speed,right_command\n0,1,2\n", {}, "add --unit left_command=UNIT, one of st"),
         (PLAIN, {"names": {"psx": "ps1"}}, "--map psx=ps1: no column 'psx'"),
         (PLAIN, {"names": {"ps0": "nose"}}, "a recording has no column 'nose'"),
@@ -86,6 +86,62 @@ def test_what_a_log_does_not_say_is_asked_for(tmp_path, text, kinds, message):
     with pytest.raises(ValueError, match=message):
         import_table(path, **({"robot": "mine"} | kinds))
     assert list(tmp_path.iterdir()) == [path]  # nothing half-written
+
+
+def test_everything_that_is_open_is_asked_for_at_once(tmp_path):
+    path = _log(tmp_path, "Zeit;x;y;Winkel\n0;1,5;2;10\n100;2,5;2;20\n")
+    with pytest.raises(ValueError) as caught:
+        import_table(path)
+    for remedy in (
+        "--robot",
+        "--map COLUMN=t_s",
+        "--map COLUMN=left_command, or --no-commands",
+        "--unit x_m=UNIT, one of m, cm, mm",
+        "--unit y_m=UNIT",
+    ):
+        assert remedy in str(caught.value)
+    names = {"Zeit": "t_s", "Winkel": "heading_rad"}
+    units = {"x": "mm", "y_m": "mm", "Winkel": "deg"}  # by either name
+    recording = _imported(path, names=names, units=units, commands=False)
+    assert recording.frame["x_m"].tolist() == [0.0015, 0.0025]
+    assert recording.frame["heading_rad"].tolist() == pytest.approx([np.pi / 18, np.pi / 9])
+    with pytest.raises(ValueError, match=r"--unit bogus=mm: no column 'bogus'; there are"):
+        _imported(path, names=names, units={"bogus": "mm"}, commands=False, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ({"x_m": "mm", "heading_rad": "rad"}, r"heading_rad reaches 350; .*--unit heading_rad=deg"),
+        ({"x_m": "m", "heading_rad": "deg"}, r"x_m changes by 50 m/s; no small robot is faster"),
+    ],
+)
+def test_units_that_cannot_be_right_are_refused(tmp_path, units, message):
+    path = _log(tmp_path, "t_s,x,heading\n0,10,340\n0.1,15,350\n0.2,20,350\n")
+    with pytest.raises(ValueError, match=message):
+        _imported(path, units=units, commands=False)
+
+
+def test_comments_thousands_words_and_rows_with_holes(tmp_path):
+    text = "# Versuch 3\nt_s;prox0;Ort;gyro_x\n0;1.234,5;Ulm;3\n0,1;;Ulm;4\n0,2;99,5;Ulm;5\n"
+    path = _log(tmp_path, text)
+    with pytest.raises(ValueError, match="row 2: no number for ps0; add --cut"):
+        _imported(path, commands=False)
+    recording = _imported(path, commands=False, cut=True)
+    assert recording.frame["ps0"].tolist() == [1234.5, 99.5]
+    note = recording.header["note"]
+    for told in ("1 lines of comments", "hold no numbers: Ort", "1 rows without a number"):
+        assert told in note
+
+
+def test_the_name_of_what_is_written_ends_in_csv_and_is_not_taken_twice(tmp_path):
+    path = _log(tmp_path, PLAIN)
+    with pytest.raises(ValueError, match=r"expected a name that ends in \.csv"):
+        _imported(path, out=tmp_path / "c2")
+    _imported(path, out=tmp_path / "c2.csv")
+    with pytest.raises(FileExistsError, match="add --out NAME.csv, or --overwrite"):
+        _imported(path, out=tmp_path / "c2.csv")
+    _imported(path, out=tmp_path / "c2.csv", overwrite=True)
 
 
 def test_the_command_line_names_the_import_and_says_what_it_took(tmp_path, capsys):

@@ -3,9 +3,9 @@
     python -m workbench import mylog.csv --robot "e-puck2 4521" --map "Zeit [ms]=t_s"
 
 What a file says by itself is taken from it and said: text encoding and byte-order mark, delimiter,
-decimal comma, units in a header ("left speed [mm/s]"), seconds or milliseconds or Unix time by the
-size of the steps. What it does not say is asked for: which robot it was, units of speeds, which
-column is which. Nothing is guessed in silence.
+decimal comma, comments, units in a header ("left speed [mm/s]"), seconds or milliseconds or Unix
+time by the size of the steps. What it does not say is asked for, all at once: which robot it was,
+units of speeds and places, which column is which. Nothing is guessed in silence.
 
 >>> _split("left speed [mm/s]"), _split("t_ms"), _split("ps0")
 (('left speed', 'mm/s'), ('t', 'ms'), ('ps0', ''))
@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from workbench.fields import did_you_mean
 from workbench.lab.storage import write_bytes, write_json
 from workbench.logs.bags import is_bag, read_bag
 from workbench.logs.recordings import DONE, GROUPS, POSES, SCHEMA, columns_text, unit_of
@@ -58,6 +59,9 @@ OTHER_NAMES = {
     "x": "x_m",
     "y": "y_m",
 }
+for _word in ("prox", "prox ", "proximity ", "ir", "ir "):
+    OTHER_NAMES |= {f"{_word}{k}": f"ps{k}" for k in range(8)}
+FASTEST_MPS = 2.0  # of a small robot on a floor: beyond, a unit is wrong
 _USUAL = {"state": -1.0, "action": -1.0, "probability": 1.0, "phase": 0.0}
 
 
@@ -69,7 +73,9 @@ def import_table(
     units: Mapping[str, str] | None = None,
     real: bool = False,
     commands: bool = True,
+    cut: bool = False,
     out: str | Path | None = None,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
     """Write a log as a recording; return what was written and what was taken for what.
 
@@ -77,47 +83,110 @@ def import_table(
         path: the log.
         robot: which robot it was, in words.
         names: column of the log → column of a recording (see ``logs.recordings``).
-        units: column of a recording → its unit in the log, where the header does not say.
+        units: column of a recording, or of the log → its unit in the log, where the header does
+            not say.
         real: whether it is of a real robot.
         commands: whether the log has the commands; without, zeros are written.
+        cut: whether rows that lack a number are cut out, and counted.
         out: the .csv to write; default: the log's name with "_recording".
+        overwrite: whether it may exist.
 
     Raises:
-        ValueError: something that the log does not say, with the option that answers it.
+        ValueError: what the log does not say, with the options that answer it.
     """
     place = Path(path).expanduser()
     said: list[str] = []
     if not place.exists():
         raise FileNotFoundError(f"{place} does not exist; expected a CSV file or a ROS 2 bag")
+    target = Path(out).expanduser() if out else place.with_name(f"{place.stem}_recording.csv")
+    if target.suffix != ".csv":
+        raise ValueError(f"--out {target}: expected a name that ends in .csv")
+    for one in (target, target.with_suffix(".json")):
+        if one.exists() and not overwrite:
+            raise FileExistsError(f"{one} exists already; add --out NAME.csv, or --overwrite")
     frame = read_bag(place, said) if is_bag(place) else _read(place, said)
     found = _columns(list(frame.columns), dict(names or {}), said)
+    asked = _Asked(place)
     if robot is None:
-        raise ValueError(f'{place} does not say which robot it was; add --robot "e-puck2 4521"')
-    if commands:
-        for name in ("left_command", "right_command"):
-            if name not in found:
-                raise ValueError(
-                    f"{place} has no column {name}: its columns are {', '.join(frame)}; add "
-                    f"--map COLUMN={name}, or --no-commands if the robot was not driven"
-                )
+        asked.add("does not say which robot it was", '--robot "e-puck2 4521"')
+    needed = ("t_s", "left_command", "right_command") if commands else ("t_s",)
+    for name in needed:
+        if name not in found:
+            remedy = f"--map COLUMN={name}"
+            asked.add(
+                f"has no column {name}",
+                remedy
+                if name == "t_s"
+                else f"{remedy}, or --no-commands if the robot was not driven",
+            )
+    told = _units(dict(units or {}), found)
     table = pd.DataFrame()
     for name in KNOWN:
         if name in found:
-            column = found[name]
-            unit = (units or {}).get(name, _split(column)[1])
-            table[name] = frame[column].to_numpy(float) * _factor(name, unit, frame[column], said)
+            values = frame[found[name]]
+            unit = told.get(name, _split(found[name])[1])
+            table[name] = values.to_numpy(float) * _factor(name, unit, values, said, asked)
         elif name in DONE:
             table[name] = _USUAL.get(name, 0.0)
-    if "t_s" not in table:
-        raise ValueError(
-            f"{place} has no column of times: its columns are {', '.join(frame)}; add "
-            "--map COLUMN=t_s"
-        )
+    asked.raise_if_any(list(frame.columns))
+    if cut:
+        whole = np.isfinite(table.to_numpy(float)).all(axis=1)
+        said.append(f"{int((~whole).sum())} rows without a number for every column cut out")
+        table = table[whole].reset_index(drop=True)
     table["t_s"] -= table["t_s"].iloc[0]
     for name in ("left_command", "right_command"):
         table[name] = np.round(table[name])
-    target = Path(out).expanduser() if out else place.with_name(f"{place.stem}_recording.csv")
-    return _write(target, table, place, robot, real, said)
+    _plausible(table, place)
+    return _write(target, table, place, str(robot), real, said)
+
+
+class _Asked:
+    """What a log does not say, and the options that answer it."""
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+        self.lines: list[str] = []
+
+    def add(self, what: str, remedy: str) -> None:
+        """Note something."""
+        self.lines.append(f"{what}: add {remedy}")
+
+    def raise_if_any(self, columns: list[str]) -> None:
+        """Raise ValueError with all of it."""
+        if self.lines:
+            listed = "\n  ".join(self.lines)
+            raise ValueError(f"{self.place} (columns {', '.join(columns)}) leaves open\n  {listed}")
+
+
+def _units(units: dict[str, str], found: dict[str, str]) -> dict[str, str]:
+    """Return units by the recording's columns, which may be named as in the log, too."""
+    ours = {theirs: name for name, theirs in found.items()} | {name: name for name in found}
+    for name, unit in units.items():
+        if name not in ours:
+            raise ValueError(
+                f"--unit {name}={unit}: no column {name!r}; there are {', '.join(ours)}"
+                + did_you_mean(name, ours)
+            )
+    return {ours[name]: unit for name, unit in units.items()}
+
+
+def _plausible(table: pd.DataFrame, place: Path) -> None:
+    """Refuse places and headings whose unit cannot be right."""
+    seconds = np.diff(table["t_s"])
+    for name in POSES:
+        if name not in table or not len(seconds) or np.any(seconds <= 0):
+            continue
+        if name.startswith("heading") and table[name].abs().max() > 2 * math.pi + 0.1:
+            raise ValueError(
+                f"{place}: {name} reaches {table[name].abs().max():.4g}; radians go round once in "
+                f"6.28: expected --unit {name}=deg"
+            )
+        moved = float(np.median(np.abs(np.diff(table[name])) / np.maximum(seconds, 1e-9)))
+        if not name.startswith("heading") and moved > FASTEST_MPS:
+            raise ValueError(
+                f"{place}: {name} changes by {moved:.4g} m/s; no small robot is faster than "
+                f"{FASTEST_MPS:g}: expected another --unit {name}=…, or another unit of time"
+            )
 
 
 def _read(place: Path, said: list[str]) -> pd.DataFrame:
@@ -133,6 +202,10 @@ def _read(place: Path, said: list[str]) -> pd.DataFrame:
         text = content.decode(encoding)
         said.append("text is not UTF-8: taken as Latin-1")
     lines = [line for line in text.splitlines() if line.strip()]
+    comments = sum(line.lstrip().startswith("#") for line in lines)
+    if comments:
+        said.append(f"{comments} lines of comments left out")
+        lines = [line for line in lines if not line.lstrip().startswith("#")]
     if len(lines) < 2:
         raise ValueError(f"{place} has {len(lines)} lines; expected a header and rows of numbers")
     counts = {mark: lines[0].count(mark) for mark in DELIMITERS}
@@ -146,9 +219,16 @@ def _read(place: Path, said: list[str]) -> pd.DataFrame:
     if len(set(header)) < len(header):
         twice = sorted({name for name in header if header.count(name) > 1})
         raise ValueError(f"{place}: columns {twice} occur more than once; rename them first")
-    comma = delimiter != "," and any(re.fullmatch(r"\s*-?\d+,\d+\s*", cell) for cell in rows[0])
+    comma = delimiter != "," and any(_COMMA.fullmatch(cell) for row in rows[:20] for cell in row)
     said.append(f"delimiter {delimiter!r}" + (", decimal comma" if comma else ""))
-    return _numbers(place, header, rows, comma)
+    frame = _numbers(place, header, rows, comma)
+    words = [name for name in header if name not in frame]
+    if words:
+        said.append(f"left out, as they hold no numbers: {', '.join(words)}")
+    return frame
+
+
+_COMMA = re.compile(r"\s*[-+]?(\d{1,3}(\.\d{3})+|\d+),\d+\s*")  # 0,5 and 1.234,5
 
 
 def _numbers(place: Path, header: list[str], rows: list[list[str]], comma: bool) -> pd.DataFrame:
@@ -158,6 +238,9 @@ def _numbers(place: Path, header: list[str], rows: list[list[str]], comma: bool)
             raise ValueError(f"{place}, row {number}: {len(row)} columns; expected {len(header)}")
     frame = pd.DataFrame(rows, columns=header)
     if comma:
+        thousands = frame.apply(lambda column: column.str.fullmatch(_COMMA.pattern))
+        plain = frame.apply(lambda column: column.str.replace(".", "", regex=False))
+        frame = frame.where(~thousands, plain)
         frame = frame.apply(lambda column: column.str.replace(",", ".", regex=False))
     numeric = frame.apply(pd.to_numeric, errors="coerce")
     return numeric.loc[:, numeric.notna().any()]
@@ -174,7 +257,7 @@ def _columns(columns: list[str], names: dict[str, str], said: list[str]) -> dict
         if ours not in KNOWN:
             raise ValueError(
                 f"--map {theirs}={ours}: a recording has no column {ours!r}; it has "
-                f"{', '.join(KNOWN)}"
+                f"{', '.join(KNOWN)}{did_you_mean(ours, KNOWN)}"
             )
     found = {ours: theirs for theirs, ours in names.items()}
     for column in columns:
@@ -199,25 +282,26 @@ def _split(column: str) -> tuple[str, str]:
     return (behind[1], behind[2]) if behind else (column, "")
 
 
-def _factor(name: str, unit: str, values: pd.Series, said: list[str]) -> float:
+def _factor(name: str, unit: str, values: pd.Series, said: list[str], asked: "_Asked") -> float:
     """Return what a column's numbers are multiplied by."""
     if name == "t_s":
         return _time_factor(unit, values, said)
     if name in ("left_command", "right_command"):
-        table, usual = SPEEDS, ""
+        table = SPEEDS
     elif name.startswith("heading"):
-        table, usual = ANGLES, "rad"
+        table = ANGLES
     elif name in POSES:
-        table, usual = LENGTHS, "m"
+        table = LENGTHS
     else:
         return 1.0
-    if not unit and (usual and name.endswith(usual) or values.name == name):
+    if not unit and values.name == name:
         return 1.0  # a recording's own name says its unit
     if unit not in table:
-        raise ValueError(
-            f"column {values.name!r} has the unit {unit!r}; add --unit {name}=UNIT, one of "
-            f"{', '.join(table)}"
+        asked.add(
+            f"column {values.name!r} has the unit {unit!r}",
+            f"--unit {name}=UNIT, one of {', '.join(table)}",
         )
+        return 1.0
     said.append(f"{values.name!r} in {unit}")
     return table[unit]
 
@@ -244,19 +328,18 @@ def _write(
 ) -> dict[str, Any]:
     """Write a recording and its sidecar."""
     side = target.with_suffix(".json")
-    if target.exists() or side.exists():
-        raise FileExistsError(f"{target} or its .json exists already; add --out NAME.csv")
     bad = np.argwhere(~np.isfinite(table.to_numpy(float)))
     if len(bad):
         row, column = bad[0]
         raise ValueError(
-            f"{source}, row {row + 1}: no number for {table.columns[column]}; cut the row out"
+            f"{source}, row {row + 1}: no number for {table.columns[column]}; add --cut, which "
+            "cuts such rows out"
         )
     content = columns_text(table).encode()
     intervals = np.diff(table["t_s"])
     if np.any(intervals <= 0):
         row = int(np.argmax(intervals <= 0)) + 2
-        raise ValueError(f"{source}, row {row}: time does not advance; cut the row out")
+        raise ValueError(f"{source}, row {row}: time does not advance; cut the row out by hand")
     write_bytes(target, content)
     write_json(
         side,
@@ -265,7 +348,7 @@ def _write(
             "robot": robot,
             "link": f"import of {source.name}",
             "real": real,
-            "rate_hz": float(1 / np.median(intervals)) if len(intervals) else 10.0,
+            "rate_hz": round(float(1 / np.median(intervals)), 6) if len(intervals) else 10.0,
             "columns": list(table.columns),
             "units": {column: unit_of(column) for column in table.columns},
             "calibration": "unknown",
