@@ -28,6 +28,14 @@ _last: WeakKeyDictionary[Any, list[Any]] = WeakKeyDictionary()
 _kept: list[Any] = []
 
 
+_CANNOT = (
+    numba.core.errors.NumbaError,
+    numba.core.errors.UnsupportedBytecodeError,
+    TypeError,
+    NotImplementedError,
+)
+
+
 class Kind(NamedTuple):
     """What a function is for: what it is called, returns, and is looked at for (two axes, as words
     with a place for each number, and in general).
@@ -52,7 +60,7 @@ def plain(function: Any, kind: Kind) -> Any:
     if not inspect.isfunction(found):
         raise TypeError(
             f"{kind.name} = {function!r}; expected a plain Python function of two numbers that "
-            f"returns {kind.returns}"
+            f"returns {kind.returns}; further numbers come in by a closure"
         )
     return found
 
@@ -72,7 +80,7 @@ def compile_anew(function: Callable[..., object], kind: Kind) -> list[Any]:
     outer: Any = numba.njit(call)  # defaults of further arguments are filled in here
     try:
         outer.compile((types.float64, types.float64))
-    except (numba.core.errors.NumbaError, TypeError, NotImplementedError) as error:
+    except _CANNOT as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         said = [line for line in lines if not line.startswith("Failed in nopython")]
         raise TypeError(

@@ -464,3 +464,18 @@ def test_a_leader_that_has_stopped_is_no_environment():
             *_, lost, _, _ = env.step(24)
             if lost:
                 env.reset()
+
+
+def test_the_line_behind_a_leader_runs_as_its_loop_does_so_that_a_camera_sees_everybody():
+    env = wb.ConvoyEnv(replace(PLANAR, sensing="camera"))
+    for seed in (5, 12, 15, np.int64(22)):  # straight behind, the last stood beside the picture
+        env.reset(seed=seed)
+        track = env.convoy.world.tracks[0]
+        last = env.convoy.world.pose(0, 4)
+        assert abs(float(track.deviation([last[:2]])[0])) < 0.25
+
+
+@pytest.mark.parametrize("seed", [-1, [-1], 1.5, [1, 2]])
+def test_seeds_that_are_none_are_refused(seed):
+    with pytest.raises(ValueError, match="expected one whole number from 0 on"):
+        wb.ConvoyEnv().reset(seed=seed)

@@ -24,6 +24,7 @@ driving direction.
 import functools
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,7 +61,7 @@ class TrackConfig:
     )
     judder_rms_m: float = real(0.0, 0.2, "m", "RMS lateral offset of the line", default=0.004)
     wavelengths_m: tuple[float, float] = reals(
-        0.05, 20.0, "m", "shortest and longest wavelength of the judder", default=(0.1, 0.3)
+        0.01, 20.0, "m", "shortest and longest wavelength of the judder", default=(0.1, 0.3)
     )
     line_width_m: float = real(0.008, 0.5, "m", "width of the black line", default=0.015)
 
@@ -136,15 +137,19 @@ class Track:
             position: (…, 2) m.
             heading: (…) rad.
         """
-        from scipy.spatial import cKDTree  # costs as much time to import as all else
-
         angle = np.asarray(heading, dtype=np.float64)
         ahead = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        tree = cKDTree(np.hstack([self.nominal, _HEADING_M * _tangent(self.nominal)]))
-        found = tree.query(
+        found = self._tree.query(
             np.concatenate([np.asarray(position, dtype=np.float64), _HEADING_M * ahead], axis=-1)
         )[1]
         return np.asarray(found, dtype=np.int64)
+
+    @functools.cached_property
+    def _tree(self) -> Any:
+        """Places and directions of the nominal loop, to look up the nearest."""
+        from scipy.spatial import cKDTree  # costs as much time to import as all else
+
+        return cKDTree(np.hstack([self.nominal, _HEADING_M * _tangent(self.nominal)]))
 
     def lateral(self, position: ArrayLike, heading: ArrayLike) -> tuple[Floats, Floats]:
         """Return arc length along the nominal loop and deviation from it, left positive, in m;

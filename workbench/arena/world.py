@@ -168,7 +168,7 @@ class World:
             raise ValueError(
                 f"drive = {self.drive.name!r} with robots of {self.robot.body_radius_m:g} m radius "
                 f"that close in by up to {closing:.2f} m in a control period; they would drive "
-                "through each other: expected 'wheels', or slower robots"
+                "through each other: expected 'planar' or 'wheels', or slower robots"
             )
         return self.drive.batch(self.robot, self.robots, self.formations)
 

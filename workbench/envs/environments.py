@@ -224,7 +224,10 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         running = np.flatnonzero(~self._ended) if self._ended.any() else None
         if running is not None:
             self._core.begin(np.flatnonzero(self._ended))
-        reward, lost = self._core.act(np.asarray(actions)[:, None], running)
+        given = np.asarray(actions)
+        if not given.ndim:
+            raise ValueError(f"actions = {actions!r}; expected {self.num_envs}, one per formation")
+        reward, lost = self._core.act(given[:, None], running)
         terminated = lost[:, 0]
         truncated = self._core.age >= self._core.limit
         self._ended = terminated | truncated
@@ -306,7 +309,7 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         """Begin an episode; with a seed, make everything anew."""
         if options != {"options": 1}:  # with which pettingzoo's own checker resets
             _refuse(options)
-        _begin(self._core, seed)
+        _begin(self._core, _seeds(seed, 1))
         self.agents = list(self.possible_agents)
         self._show()
         return self._see(), self._told()
@@ -373,15 +376,21 @@ def _seeds(seed: Any, count: int) -> int | list[int] | None:
     Raises:
         ValueError: it is nothing of these.
     """
-    if seed is None or isinstance(seed, (int, np.integer)):
+    alone = seed is None or isinstance(seed, (int, np.integer))
+    several = [seed or 0] if alone else _listed(seed)
+    whole = all(isinstance(each, (int, np.integer)) and each >= 0 for each in several)
+    if alone and whole:
         return None if seed is None else int(seed)
-    several = list(seed) if isinstance(seed, (list, tuple, np.ndarray)) else []
-    if len(several) != count or not all(isinstance(each, (int, np.integer)) for each in several):
+    if len(several) != count or not whole:
         raise ValueError(
-            f"seed = {seed!r}; expected one whole number (formation k is made from seed + k), or "
-            f"{count} of them"
+            f"seed = {seed!r}; expected one whole number from 0 on (formation k is made from "
+            f"seed + k), or {count} of them"
         )
     return [int(each) for each in several]
+
+
+def _listed(seed: Any) -> list[Any]:
+    return list(seed) if isinstance(seed, (list, tuple, np.ndarray)) else []
 
 
 def _mask(mask: Any, count: int, seed: Any) -> Flags | None:

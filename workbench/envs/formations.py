@@ -176,6 +176,9 @@ class Formations:
         world = self.convoy.world
         x, y, heading = world.pose(b, 0)
         for robot in range(1, world.robots):
+            if robot > 1:  # further behind the line runs as the loop does
+                near = world.tracks[b].nearest((x, y), heading)
+                heading = world.tracks[b].pose(float(world.tracks[b].s[near]))[2]
             gap, aspect, bearing = self.rng.uniform(-1 / 3, 1 / 3, 3)
             distance = config.middle_m + gap * config.half_range_m
             towards = heading + aspect * config.bearing_limit_rad

@@ -490,3 +490,12 @@ SETTINGS = Named[ConvoyConfig](
         ),
     }
 )
+
+
+def expect_config(config: object) -> None:
+    """Raise TypeError unless it is a ConvoyConfig."""
+    if not isinstance(config, ConvoyConfig):
+        raise TypeError(
+            f"config is a {type(config).__name__}; expected a ConvoyConfig, such as "
+            "SETTINGS['recommended']"
+        )

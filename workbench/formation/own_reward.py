@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import functions
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import ConvoyConfig, expect_config
 from workbench.formation.reward import OWN
 
 Reward = Callable[[float, float], float]
@@ -80,6 +80,7 @@ def with_reward(
     """Return the configuration that says "own" and the compiled reward, or what was given if there
     is no function.
     """
+    expect_config(config)
     return (
         (config, None) if function is None else (replace(config, reward=OWN), own_reward(function))
     )

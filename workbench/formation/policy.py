@@ -192,9 +192,11 @@ class Policy:
                     remedy += (
                         f", or say that both mean the same: policy.transferred({str(theirs)!r})"
                     )
+                told = [repr(side.tolist()) for side in (mine, theirs)]
+                if mine.size != theirs.size:
+                    told = [f"{side.size} numbers" for side in (mine, theirs)]
                 raise ValueError(
-                    f"the policy has {name} = {mine.tolist()!r}, the configuration "
-                    f"{theirs.tolist()!r}; {remedy}"
+                    f"the policy has {name} = {told[0]}, the configuration {told[1]}; {remedy}"
                 )
         if self.theta.shape[0] not in (1, config.followers):
             raise ValueError(

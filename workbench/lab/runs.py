@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import fields, markup
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import ConvoyConfig, expect_config
 from workbench.formation.convoy import Convoy
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.own import OwnLaw
@@ -221,6 +221,7 @@ def elsewhere(policy: "Controller | Run", config: ConvoyConfig | None) -> Convoy
         TypeError: neither a configuration nor a run.
     """
     if config is not None:
+        expect_config(config)
         return config
     if not isinstance(policy, Run):
         raise TypeError(

@@ -73,7 +73,7 @@ class OwnLaw(ControlLaw):
         """Compile the function; it must give two finite numbers within the bounds.
 
         Raises:
-            TypeError, ValueError: see ``own_reward``.
+            TypeError, ValueError: it cannot be compiled; it is not finite somewhere.
         """
         bearings = config.bearing_limit_rad * np.linspace(-1, 1, 51)
         kind = _KIND._replace(axes=(np.linspace(*config.distance_m, 51), bearings))
