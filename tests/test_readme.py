@@ -99,8 +99,8 @@ def test_its_numbers_are_those_of_the_tables():
     value = beside.set_index(["learner", "measure"])["value"]
     better, restless, calm = _told(
         "classical",
-        r"is (\S+) mm better; beside it the paper's turn (\S+) times as restlessly, the "
-        r"recommended (\S+) times",
+        r"is (\S+) mm better; turning rates vary (\S+) times as much as its with the paper's "
+        r"tiles, (\S+) times with the recommended",
     )
     distance, _, turning = controllers.COMPARED.values()
     first, last = controllers.LEARNERS[0], controllers.LEARNERS[-1]
@@ -112,16 +112,18 @@ def test_its_numbers_are_those_of_the_tables():
         (late["world"] == "judging") & (late["late_s"] == 0.2) & (late["route"] == "camera")
     ]
     lost = late.groupby(["table", "prediction"])["losses"].sum()
-    few, many = _told("late commands", r"loses (\S+) leaders instead of (\S+ \S+) at 0.2 s")
+    few, many = _told(
+        "late commands", r"loses (\S+) leaders instead of (\S+ \S+) at a delay of 0.2 s"
+    )
     assert int(few) == lost["9×9/7×7", "both"]
     assert int(many.replace(" ", "")) == lost["9×9/7×7", "none"]
     at_3 = load_study("delays").query("world == 'judging' and late_s == 0.3 and route == 'camera'")
     smooth = at_3[(at_3["table"] == "9×9/7×7, interpolated") & (at_3["prediction"] == "both")]
-    assert f"with interpolated commands {smooth['losses'].sum():.0f} at 0.3 s" in README
+    assert f"with interpolated commands only {smooth['losses'].sum():.0f} at 0.3 s" in README
 
     copies = load_study("copies")
     calmed = copies[(copies["weights"] == "copied") & (copies["cures"] == "calm")]
-    assert "no copy of the first follower's weights lost anybody" in README
+    assert "none of these copies lost anybody" in README
     assert calmed["losses"].sum() == 0
 
     stored = (paths.NOTEBOOKS / "04_state_visitation.ipynb").read_text(encoding="utf-8")
