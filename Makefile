@@ -1,7 +1,7 @@
 # Everything sets itself up in .venv; nothing but Python (3.11 to 3.13) and make is needed.
 #   make lab       JupyterLab, first notebook                     make test   all checks
 #   make figures   the experiment, every notebook, figures/       make check-figures   what would change, and by how much
-#   make studies   every study (data/studies/), then figures
+#   make studies   every study (data/studies/), then figures      make setup        .venv, and nothing else
 #   make clean     remove caches                                  make distclean   remove .venv too, and runs/ after a yes
 # make lab PYTHON=python3.12 takes another Python; LAB_ARGS="--no-browser --port=9000" goes to JupyterLab.
 
@@ -22,7 +22,7 @@ print("%d.%d" % found)
 endef
 export CHECK
 
-.PHONY: figures studies check-figures test lab clean distclean
+.PHONY: setup figures studies check-figures test lab clean distclean
 
 figures: $(READY)
 	$(BIN)/python -m workbench figures
@@ -30,6 +30,8 @@ figures: $(READY)
 studies: $(READY)
 	$(BIN)/python -m workbench study all
 	$(BIN)/python -m workbench figures
+
+setup: $(READY)
 
 check-figures: $(READY)
 	$(BIN)/python -m workbench figures --check

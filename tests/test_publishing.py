@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import json
 
 import pandas as pd
 import pytest
@@ -141,3 +142,17 @@ def test_validate_writes_what_it_measured_and_nothing_else(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(told["written"])
     table = pd.read_csv(tmp_path / "camera.csv")
     assert set(table["conditions"]) == set(told["fitted_noise"]) and table["markers"].sum() > 10
+
+
+def test_a_container_and_binder_take_the_same_two_files():
+    container = json.loads((paths.ROOT / ".devcontainer" / "devcontainer.json").read_text())
+    makefile = (paths.ROOT / "Makefile").read_text()
+    target = container["postCreateCommand"].removeprefix("make ")
+    assert f"\n{target}: $(READY)\n" in makefile
+    assert "-r environment.txt" in makefile
+    line = (paths.ROOT / ".binder" / "requirements.txt").read_text().split()
+    assert line == ["-r", "../environment.txt"]
+    pinned = (paths.ROOT / "environment.txt").read_text().splitlines()
+    assert "-e ." in pinned  # pyproject.toml
+    version = (paths.ROOT / ".binder" / "runtime.txt").read_text().strip().removeprefix("python-")
+    assert f'requires-python = ">={version}' in (paths.ROOT / "pyproject.toml").read_text()
