@@ -3,7 +3,7 @@ picture is made.
 
     python -m workbench.view.filming figures/live_arena.png
 
-Robots that know nothing learn while it is watched; then the leader is driven by keys. Needs the
+Robots that know nothing learn while it is watched; then the leader is driven with the round stick. Needs the
 development extras and Chromium.
 """
 
@@ -27,8 +27,9 @@ from workbench.robot.geometry import CONTROL_PERIOD
 
 WIDTH = 744  # pixels of the arena
 FRAMES_PER_S = 6  # about
-LEARNING_SPEED, LEARNING_S = 5, 35.0  # as fast as that, and simulated seconds
-DRIVING_SPEED = 2
+SPEED = "1"  # of the arena while pictures are taken, as a browser takes one or two a second
+LEARNING_SPEED, LEARNING_S = 5, 35.0  # as fast as that in the film, and simulated seconds
+DRIVING_SPEED = 3
 TOKEN = "film"
 CELLS = (
     """from dataclasses import replace
@@ -39,18 +40,8 @@ run = wb.learn(config, steps=60_000, progress=False)
 wb.play(config, learn=60_000)""",
     "wb.play(config.with_seed(5), run.policy, drive=True)",
 )
-# what somebody who drives might do: keys held, and for how many simulated seconds
-KEYS = (
-    (("w",), 3.0),
-    (("w", "d"), 0.4),
-    (("w",), 3.0),
-    (("w", "d"), 0.4),
-    (("w",), 3.0),
-    (("w", "d"), 0.4),
-    (("w",), 3.0),
-    (("w", "a"), 0.4),
-    (("w",), 4.0),
-)
+# what somebody who drives might do with the round stick: to the left, forward, simulated seconds
+WAY = ((0.0, 1.0, 2.0), (-0.12, 1.0, 6.0), (0.14, 1.0, 10.0), (-0.14, 1.0, 9.0), (0.0, 1.0, 2.0))
 Shot = tuple[bytes, float]
 
 
@@ -133,21 +124,23 @@ def film(path: str | Path) -> int:
 
 
 def _play(page: Any) -> list[Shot]:
-    """Let one arena learn, drive the other by keys, and return the pictures of both."""
+    """Let one arena learn, drive the other with the stick, and return the pictures of both."""
     learning, driven = (page.locator(".wba").nth(k) for k in range(2))
-    learning.locator(".speed").select_option(str(LEARNING_SPEED))
+    learning.locator(".speed").select_option(SPEED)
     learning.locator(".play").click()
     shots = _shoot(learning, LEARNING_S, LEARNING_SPEED)
     learning.locator(".play").click()
     driven.scroll_into_view_if_needed()
-    driven.locator(".speed").select_option(str(DRIVING_SPEED))
-    driven.locator("canvas").first.click(position={"x": 20, "y": 20})
-    for keys, seconds in KEYS:
-        for key in keys:
-            page.keyboard.down(key)
+    driven.locator(".speed").select_option(SPEED)
+    stick = driven.locator(".stick").bounding_box()
+    middle = [stick[side] + stick[size] / 2 for side, size in (("x", "width"), ("y", "height"))]
+    reach = 0.4 * stick["width"]
+    page.mouse.move(*middle)
+    page.mouse.down()
+    for left, forward, seconds in WAY:
+        page.mouse.move(middle[0] - left * reach, middle[1] - forward * reach)
         shots += _shoot(driven, seconds, DRIVING_SPEED)
-        for key in keys:
-            page.keyboard.up(key)
+    page.mouse.up()
     return shots
 
 
