@@ -3,8 +3,8 @@ picture is made.
 
     python -m workbench.view.filming figures/live_arena.png
 
-Robots that know nothing learn while it is watched; then the leader is driven with the round stick. Needs the
-development extras and Chromium.
+Robots that know nothing learn while it is watched; then the leader is driven with the round stick.
+Needs the development extras and Chromium.
 """
 
 import contextlib
