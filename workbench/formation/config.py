@@ -25,6 +25,7 @@ from workbench.formation.estimate import FILTERS, LONGEST_S, PREDICTIONS, Estima
 from workbench.formation.output import ACTIONS, LEARN_BY, OUTPUTS
 from workbench.formation.reward import OWN, PRESETS
 from workbench.formation.senses.table import SENSES
+from workbench.formation.shapes import FormationConfig, check_shape, places, random_reach
 from workbench.learning.config import LearnerConfig
 from workbench.learning.rules import RULES
 from workbench.learning.tiles import MAX_TILES, MAX_TILINGS, TileGrid, Tiling, offset_grids
@@ -192,6 +193,9 @@ class ConvoyConfig:
         "own tables; one shared table; the first learns, others copy",
         default="own",
     )
+    formation: FormationConfig = part(
+        FormationConfig, "who drives where: the shape", default=FormationConfig()
+    )
     learner: LearnerConfig = part(
         LearnerConfig, "step sizes, discount, exploration", default=LearnerConfig()
     )
@@ -234,10 +238,43 @@ class ConvoyConfig:
                 f"{self.track.radius_m!r}; expected d* up to the radius: enlarge track.radius_m"
             )
         SENSES[self.sensing].check(self)
+        self._check_formation()
         self._check_estimate()
         self._check_time()
         # refuses an even number of logarithmic cells and inner cells wider than the range
         self.grids()
+
+    def _check_formation(self) -> None:
+        """Refuse shapes that cannot be sensed, or that no robot can keep."""
+        told = self.formation
+        if not told.shaped:
+            return
+        if self.sensing not in ("truth", "truth-relative"):
+            raise ValueError(
+                f"ConvoyConfig.sensing = {self.sensing!r} with formation.frame = {told.frame!r}; "
+                "places are by the leader, whom nobody sees past others: expected 'truth', "
+                "'truth-relative'"
+            )
+        fastest = min(self.robot.most_mps, self.wheel_speed_mps[1])
+        if self.actions == "relative":
+            fastest = self.robot.most_mps
+        found = places(told.shape, self.followers, self.spacing_m, told.points)
+        if told.shape == "random":
+            found = np.array([random_reach(self.followers, self.spacing_m)]) * [-1.0, 1.0]
+        check_shape(
+            told,
+            found,
+            leader_mps=self.leader_speed_mps,
+            fastest_mps=fastest,
+            radius_m=self.track.radius_m,
+            track_m=self.robot.track_m,
+            body_radius_m=self.robot.body_radius_m,
+        )
+
+    @property
+    def spacing_m(self) -> float:
+        """Distance between neighbouring places in m."""
+        return self.formation.spacing_m or self.middle_m
 
     def _check_time(self) -> None:
         """Refuse what does not go together in time: whose weights, delays, time steps."""

@@ -2,8 +2,8 @@
 
 The order within a call: leader and all followers sense, and choose from the same instant; then all
 learn. The physics follows, so that in simulated time they learn while their actions run; without
-the update buffer a follower learns before it chooses (``follower.act``). Who is behind whom is the
-order of the records: robot i follows robot i - 1, robot 0 leads.
+the update buffer a follower learns before it chooses (``follower.act``). Who follows whom is
+data (``robot.ahead``): robot i the robot i - 1, or with a shape its place by the leader, robot 0.
 
 Contract: arrays are written in place and nothing is allocated; chance comes in. Python is needed
 only where a flag says so.
@@ -47,6 +47,7 @@ class Arrays(NamedTuple):
         block: (B, BLOCK, robots) PERIOD.
         sights: (B, robots, 4) of pictures; lens: (B, 3, n, n) systematic errors of the camera.
         engines: (B,) ENGINE.
+        trail: (B, crumbs, 3) of the leaders: x, y, arc length in m; see ``virtual``.
     """
 
     task: Any
@@ -64,6 +65,7 @@ class Arrays(NamedTuple):
     sights: Any
     lens: Any
     engines: Any
+    trail: Any
 
 
 @compiled
@@ -121,6 +123,7 @@ def _of_one(arrays: Any, b: int, t: int) -> Any:
         arrays.sights[b],
         arrays.lens[b],
         arrays.engines,
+        arrays.trail[b],
     )
 
 
@@ -157,7 +160,7 @@ def _formation_step(one: Any, b: int) -> int:
         if i == task.run.external:  # somebody else drives this robot
             continue
         if task.law.number:
-            _know_ahead(robot, robots[i - 1])
+            _know_ahead(task, robot, robots[robot.ahead])
         robot.learning.epsilon = epsilon if robot.learning.learns else 0.0
         robot.learning.chance = one.chance[i].explore
         robot.learning.room = formation.updates < formation.budget
@@ -294,15 +297,19 @@ def _measure_motion(robot: Any) -> None:
 
 
 @compiled
-def _know_ahead(robot: Any, ahead: Any) -> None:
-    """Tell a follower its predecessor's relative heading, speed and turning rate."""
+def _know_ahead(task: Any, robot: Any, ahead: Any) -> None:
+    """Tell a follower its predecessor's relative heading, speed and turning rate, or those of its
+    place.
+    """
     mine = robot.pose
-    theirs = ahead.pose
-    robot.law.ahead_heading = math.atan2(
-        theirs.sin * mine.cos - theirs.cos * mine.sin, theirs.cos * mine.cos + theirs.sin * mine.sin
-    )
+    c, s = ahead.pose.cos, ahead.pose.sin
     robot.law.ahead_speed = ahead.motion.speed
     robot.law.ahead_turn = ahead.motion.turn
+    if task.shape.any:
+        c, s = robot.place.ahead_cos, robot.place.ahead_sin
+        robot.law.ahead_speed = robot.place.pace
+        robot.law.ahead_turn = robot.place.turn
+    robot.law.ahead_heading = math.atan2(s * mine.cos - c * mine.sin, c * mine.cos + s * mine.sin)
 
 
 @compiled

@@ -24,16 +24,18 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.arena.camera.eyes import Eyes
 from workbench.arena.engine import ENGINE, Engine, engine_of
 from workbench.arena.world import World
+from workbench.formation.assignment import assign
 from workbench.formation.body import draw_bodies
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.control import (
@@ -58,8 +60,10 @@ from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.infrared import equip as fit_sensors
 from workbench.formation.senses.sense import EVERYBODY, FOLLOWERS, LEADER, Draw
 from workbench.formation.senses.table import SENSES
+from workbench.formation.shapes import places
 from workbench.formation.streams import CHILDREN, children
 from workbench.formation.task import fill_task
+from workbench.formation.virtual import CRUMBS
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -150,6 +154,37 @@ class Convoy:
         self._equip(external)
         self._draws = self._what_is_drawn()
         self._bind()
+        if config.formation.shaped:
+            self.instruct(config.formation.shape, config.formation.points)
+
+    def instruct(self, shape: str, points: ArrayLike = ()) -> None:
+        """Ask all formations for a shape; places move there while robots drive on.
+
+        Args:
+            shape: one of ``shapes.SHAPES``; points: of shape "points", (followers, 2) m forward and
+                left of the leader.
+
+        Raises:
+            ValueError: an unknown shape, places that no robot can keep, or followers that keep no
+                places (``ConvoyConfig.formation.frame``).
+        """
+        told = replace(self.config.formation, shape=shape, points=_pairs(points))
+        config = replace(self.config, formation=told)
+        if not told.shaped:
+            raise ValueError(
+                f"formation.frame = {told.frame!r}; followers of the robot in front keep no "
+                "places: expected 'heading' or 'path'"
+            )
+        goals = places(shape, config.followers, config.spacing_m, points)
+        self.task["shape"]["hold"] = 0
+        if shape == "random":
+            self.task["shape"]["hold"] = round(told.hold_s / CONTROL_PERIOD)
+        for b, place in enumerate(self.robots["place"][:, 1:]):
+            here = np.stack([place["x"], place["y"]], axis=-1)
+            if not self._formations["crumbs"][b]:  # they line up in a column
+                here = places("column", config.followers, config.middle_m)
+            taken = goals[assign(told.assignment, here, goals)]
+            place["goal_x"], place["goal_y"] = taken.T
 
     def _equip(self, external: int | None) -> None:
         """Give the robots what they sense with; note who is driven from outside."""
@@ -179,6 +214,9 @@ class Convoy:
         config = self.config
         robots = np.zeros((len(self.seeds), config.followers + 1), ROBOT)
         robots["choice"]["state"] = -1
+        robots["ahead"] = np.arange(-1, config.followers)
+        if config.formation.shaped:
+            robots["ahead"][:, 1:] = 0
         self._first_side = -1.0 if config.track.direction == "clockwise" else 1.0
         ground = robots["ground"]
         ground["line_side"] = self._first_side
@@ -223,6 +261,8 @@ class Convoy:
         if not config.body.nominal:
             draws.append(Draw("slip", (2,), "slip", EVERYBODY))
             draws.append(Draw("silence", (), "silence", EVERYBODY, uniform=True))
+        if self.task["shape"]["hold"][0]:
+            draws.append(Draw("place", (2,), "places", FOLLOWERS, uniform=True))
         return draws
 
     def _bind(self) -> None:
@@ -237,6 +277,7 @@ class Convoy:
         self._chance = np.zeros((count, BLOCK, n + 1), CHANCE)
         self._block = np.full((count, BLOCK, n + 1), _UNUSED)
         self._sights = np.zeros((count, n + 1, 4))
+        self._trail = np.zeros((count, CRUMBS if config.formation.shaped else 1, 3))
         self._arrays = Arrays(
             task=self.task,
             qpos=self.world.qpos,
@@ -253,6 +294,7 @@ class Convoy:
             sights=self._sights,
             lens=self.lens,
             engines=np.zeros(count, ENGINE),
+            trail=self._trail,
         )
         if self.task["run"]["external"][0] >= 0:  # nobody on a wire waits for a compiler
             _ = self._act_all
@@ -520,6 +562,7 @@ class Convoy:
             )
             robots["camera"]["tracked"] = robots["body"]["queue"] = robots["seen"]["heard"] = 0
             robots["estimate"] = np.zeros((), ROBOT["estimate"])
+            self._formations["crumbs"][formation] = 0
             robots["estimate"]["put"] = 1
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):
             begin_episode(robot, ids)
@@ -552,6 +595,7 @@ class Convoy:
             "physics": self.world.states.copy(),
             "robots": self.robots.copy(),
             "formations": self._formations.copy(),
+            "trail": self._trail.copy(),
             "weights": self.weights.copy(),
             "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
             "trace_values": self._trace_values[:, :, :1].copy(),
@@ -580,6 +624,7 @@ class Convoy:
         self.world.states[:] = state["physics"]
         self.robots[:] = state["robots"]
         self._formations[:] = state["formations"]
+        self._trail[:] = state["trail"]
         self.weights[:] = state["weights"]
         self._trace_ids[:, :, :2] = state["trace_ids"]
         self._trace_values[:, :, :1] = state["trace_values"]
@@ -641,6 +686,11 @@ class Convoy:
             self.robots[b, 0]["reset"]["timer"] = 0
             self.begin_again(b)
             self._formations["restart"][b] = 0
+
+
+def _pairs(points: ArrayLike) -> tuple[tuple[float, float], ...]:
+    """Return points as a configuration has them."""
+    return tuple((float(x), float(y)) for x, y in np.asarray(points, dtype=float).reshape(-1, 2))
 
 
 def _for_types(function: Any, *arguments: Any) -> Any:

@@ -413,7 +413,10 @@ def _commands(task: Any, follower: Any, theta: Any, action: int) -> tuple[int, i
     if calm and follower.choice.explores == 0:
         output.left, output.right = interpolate(task, follower, theta)
     if task.output.relative:
-        return about(task, follower.estimate.pace, output.left, output.right)
+        pace, turn = follower.estimate.pace, 0.0
+        if task.shape.any:
+            pace, turn = follower.place.pace, follower.place.turn
+        return about(task, pace, turn, output.left, output.right)
     return output.left, output.right
 
 

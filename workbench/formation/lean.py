@@ -49,6 +49,7 @@ def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
     sense = SENSES[config.sensing]
     return (
         law is None
+        and not config.formation.shaped
         and not config.estimates
         and config.body.nominal
         and all(getattr(sense, part) is getattr(_TRUTH, part) for part in _PARTS)

@@ -176,8 +176,10 @@ def trim_error(task: Any, follower: Any, e_d: float, first: float, second: float
 
 
 @compiled
-def about(task: Any, pace: float, left: int, right: int) -> tuple[int, int]:
-    """Return wheel commands about a pace in m/s, in whole steps/s."""
+def about(task: Any, pace: float, turn: float, left: int, right: int) -> tuple[int, int]:
+    """Return wheel commands about a pace in m/s and a turning rate in rad/s, in whole steps/s."""
     most = task.motors.most
-    ahead = int(math.floor(pace / task.motors.step_m + 0.5))
-    return min(max(ahead + left, -most), most), min(max(ahead + right, -most), most)
+    aside = turn * task.motors.track_m / 2
+    inner = int(math.floor((pace - aside) / task.motors.step_m + 0.5))
+    outer = int(math.floor((pace + aside) / task.motors.step_m + 0.5))
+    return min(max(inner + left, -most), most), min(max(outer + right, -most), most)

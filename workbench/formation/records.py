@@ -35,6 +35,7 @@ from workbench.formation.leader import GROUND, LEADER
 from workbench.formation.output import OUTPUT, OUTPUT_TASK
 from workbench.formation.reset import RESET, SEARCHING
 from workbench.formation.senses.table import DRAWS, ROBOT_PARTS, SENSE_FIELDS, TASK_PARTS
+from workbench.formation.virtual import PLACE, SHAPE
 
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("cos", "f8"), ("sin", "f8")])  # m; of the heading
 MOTION = np.dtype(  # over the last control period, along the heading: m/s, rad/s; and from where
@@ -64,7 +65,9 @@ ROBOT = np.dtype(
     [
         ("pose", POSE),
         ("motion", MOTION),
+        ("ahead", "i8"),  # who is followed, -1: nobody
         ("seen", SEEN),
+        ("place", PLACE),
         ("estimate", ESTIMATE),
         ("command", COMMAND),
         ("reset", RESET),
@@ -107,12 +110,13 @@ TASK = np.dtype(
         ("sense", SENSE_FIELDS),
         *TASK_PARTS,
         ("body", BODY_TASK),
+        ("shape", SHAPE),
         ("run", RUN),
     ],
     align=True,
 )
 
-CHANCE = np.dtype(  # normal numbers, but for those in [0, 1): explore, hidden, silence
+CHANCE = np.dtype(  # normal numbers, but for those in [0, 1): explore, hidden, silence, place
     [
         ("ground", "f8", (3,)),
         ("explore", "f8"),
@@ -120,6 +124,7 @@ CHANCE = np.dtype(  # normal numbers, but for those in [0, 1): explore, hidden, 
         *[(draw.field, "f8", draw.shape) for draw in DRAWS],
         ("slip", "f8", (2,)),
         ("silence", "f8"),
+        ("place", "f8", (2,)),
     ]
 )
 
@@ -148,6 +153,7 @@ FORMATION = np.dtype(  # one formation's counters
         ("last_period", "i8"),
         ("done", "i8"),
         ("restart", "i8"),
-        ("padding", "i8", (10,)),  # keeps what two threads count on different cache lines
+        ("crumbs", "i8"),  # of the leader's trail, 0: the formation begins anew
+        ("padding", "i8", (9,)),  # keeps what two threads count on different cache lines
     ]
 )

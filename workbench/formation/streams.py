@@ -28,6 +28,7 @@ CHILDREN = (
     "bodies",
     "slip",
     "silence",
+    "places",
 )
 FLEET = (
     "units",

@@ -1,5 +1,6 @@
 """The task in numbers: a ConvoyConfig as the one record that the compiled loop reads."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from workbench.formation.reset import search_numbers
 from workbench.formation.reward import OWN, PRESETS, terminal_reward, worst_step_reward
 from workbench.formation.senses.infrared import sensor_fields
 from workbench.formation.senses.table import SENSES, numbers
+from workbench.formation.shapes import random_reach
 from workbench.learning.behaviour import SCHEDULES
 from workbench.learning.rules import RULES, UPDATES
 from workbench.robot.description import EPUCK
@@ -50,12 +52,13 @@ def fill_task(
         },
         "law": _law(config, law),
         "infrared": sensor_fields(config),
-        "sense": numbers(config.sensing),
+        "sense": numbers(config.sensing, shaped=config.formation.shaped),
+        "shape": _shape(config),
         "run": {
             "restart": config.reset == "restart",
             "delayed": config.delay_steps > 0,
             "external": -1,
-            "moving": SENSES[config.sensing].moving or law is not None,
+            "moving": (SENSES[config.sensing].moving or law is not None or config.formation.shaped),
         },
     }
     # numbers that a record and the configuration call the same
@@ -143,6 +146,27 @@ def _estimate(config: ConvoyConfig) -> dict[str, Any]:
         "delay": config.late_s / CONTROL_PERIOD,
         "alpha": alpha,
         "beta": beta,
+    }
+
+
+def _shape(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of the formation's shape; random places are drawn where those of a line and
+    of a column may be.
+    """
+    told = config.formation
+    random = told.shape == "random"
+    depth, width = random_reach(config.followers, config.spacing_m) if random else (0.0, 0.0)
+    return {
+        "any": told.shaped,
+        "path": told.frame == "path",
+        "window": told.window_m,
+        "gain": 1.0 - math.exp(-CONTROL_PERIOD / told.smooth_s) if told.smooth_s else 1.0,
+        "speed": told.place_speed_mps,
+        "acceleration": told.place_acceleration_mps2,
+        "clearance": told.clearance_m,
+        "hold": round(told.hold_s / CONTROL_PERIOD) if random else 0,
+        "depth": depth,
+        "width": width,
     }
 
 

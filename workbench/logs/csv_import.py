@@ -109,26 +109,7 @@ def import_table(
     asked = _Asked(place)
     if robot is None:
         asked.add("does not say which robot it was", '--robot "e-puck2 4521"')
-    needed = ("t_s", "left_command", "right_command") if commands else ("t_s",)
-    for name in needed:
-        if name not in found:
-            remedy = f"--map COLUMN={name}"
-            asked.add(
-                f"has no column {name}",
-                remedy
-                if name == "t_s"
-                else f"{remedy}, or --no-commands if the robot was not driven",
-            )
-    told = _units(dict(units or {}), found)
-    table = pd.DataFrame()
-    for name in KNOWN:
-        if name in found:
-            values = frame[found[name]]
-            unit = told.get(name, _split(found[name])[1])
-            table[name] = values.to_numpy(float) * _factor(name, unit, values, said, asked)
-        elif name in DONE:
-            table[name] = _USUAL.get(name, 0.0)
-    asked.raise_if_any(list(frame.columns))
+    table = _recorded(frame, found, dict(units or {}), said, asked, commands=commands)
     if cut:
         whole = np.isfinite(table.to_numpy(float)).all(axis=1)
         said.append(f"{int((~whole).sum())} rows without a number for every column cut out")
@@ -138,6 +119,33 @@ def import_table(
         table[name] = np.round(table[name])
     _plausible(table, place)
     return _write(target, table, place, str(robot), real, said)
+
+
+def _recorded(
+    frame: pd.DataFrame,
+    found: dict[str, str],
+    units: dict[str, str],
+    said: list[str],
+    asked: "_Asked",
+    *,
+    commands: bool,
+) -> pd.DataFrame:
+    """Return the columns of a recording in its units; refuse a log that leaves something open."""
+    for name in ("t_s", *(("left_command", "right_command") if commands else ())):
+        if name not in found:
+            other = "" if name == "t_s" else ", or --no-commands if the robot was not driven"
+            asked.add(f"has no column {name}", f"--map COLUMN={name}{other}")
+    told = _units(units, found)
+    table = pd.DataFrame()
+    for name in KNOWN:
+        if name in found:
+            values = frame[found[name]]
+            unit = told.get(name, _split(found[name])[1])
+            table[name] = values.to_numpy(float) * _factor(name, unit, values, said, asked)
+        elif name in DONE:
+            table[name] = _USUAL.get(name, 0.0)
+    asked.raise_if_any(list(frame.columns))
+    return table
 
 
 class _Asked:

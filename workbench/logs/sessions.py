@@ -121,18 +121,23 @@ def drive_robot(
             )
             watch = stack.enter_context(recorder).watch
         tell = stack.enter_context(_told("drive", seconds, robot))
-
-        def each(*now: Any) -> None:
-            tell(1)
-            if watch is not None:
-                watch(*now)
-
         try:
-            found = drive(robot, follower, seconds=seconds, watch=each)
+            found = drive(robot, follower, seconds=seconds, watch=_telling(watch, tell))
         finally:  # what it has learned is kept, however the drive ended
             if out is not None:
                 _keep(follower, Path(out))
         return asdict(found) | {"watchdog_stops": robot.watchdog_stops}
+
+
+def _telling(watch: Any, tell: Callable[[int], None]) -> Callable[..., None]:
+    """Return what is called after every decision: who watches, if somebody does, and the bar."""
+
+    def each(*now: Any) -> None:
+        tell(1)
+        if watch is not None:
+            watch(*now)
+
+    return each
 
 
 def _periods(seconds: float, robot: Robot) -> int:

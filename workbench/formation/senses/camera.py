@@ -109,7 +109,7 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write where the predecessor of follower i is by the tracked poses."""
     robot = robots[i]
     if not robot.seen.silent:
-        robot.seen.distance, robot.seen.bearing = observe_tracked(robot, robots[i - 1])
+        robot.seen.distance, robot.seen.bearing = observe_tracked(robot, robots[robot.ahead])
 
 
 def check(config: Any) -> None:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from workbench.compiled import chosen
+from workbench.formation import virtual
 from workbench.formation.senses import camera, infrared, truth
 from workbench.formation.senses.sense import Draw, Sense
 
@@ -45,6 +46,9 @@ _COLUMNS = {
     column: _distinct(getattr(row, column) for row in _ROWS)
     for column in ("locate", "see", "tiled", "errors", "trimmed")
 }
+# places of a shape take the place of robots in front
+_COLUMNS["locate"].append(virtual.locate)
+_COLUMNS["see"].append(virtual.see)
 SENSE_FIELDS = [(column, "i8") for column in _COLUMNS]  # fields of TASK.sense
 locate = chosen(_COLUMNS["locate"])
 see = chosen(_COLUMNS["see"])
@@ -53,7 +57,12 @@ errors = chosen(_COLUMNS["errors"])
 trimmed = chosen(_COLUMNS["trimmed"])
 
 
-def numbers(sensing: str) -> dict[str, int]:
-    """Return the fields of TASK.sense: which compiled functions a mode has."""
+def numbers(sensing: str, *, shaped: bool = False) -> dict[str, int]:
+    """Return the fields of TASK.sense: which compiled functions a mode has, or one whose followers
+    keep places.
+    """
     row = SENSES[sensing]
-    return {column: found.index(getattr(row, column)) for column, found in _COLUMNS.items()}
+    chosen = {column: getattr(row, column) for column in _COLUMNS}
+    if shaped:
+        chosen |= {"locate": virtual.locate, "see": virtual.see}
+    return {column: found.index(chosen[column]) for column, found in _COLUMNS.items()}

@@ -38,7 +38,7 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     if robot.seen.silent:
         return
     pose = robot.pose
-    ahead = robots[i - 1].pose
+    ahead = robots[robot.ahead].pose
     distance, bearing = observe(pose.x, pose.y, pose.cos, pose.sin, ahead.x, ahead.y)
     if task.noise.any:
         distance = abs(distance + task.noise.distance * chance.noise[0])

@@ -1,0 +1,326 @@
+"""A leader for every place of a formation: with it, the paper's two errors drive any shape.
+
+A follower's place t moves with the leader. Its *virtual leader* P stands where the robot in front
+would stand in the paper's convoy, the wanted distance d* ahead of the place in the direction in
+which the place moves:
+
+    in the leader's frame    place r, velocity u = (v - ω r_y + ṙ_x, ω r_x + ṙ_y), u_x ≥ 1 cm/s
+    direction ψ              the leader's heading and atan2(u_y, u_x)
+    virtual leader           P = t + d* (cos ψ, sin ψ), with the speed |u|
+
+e_d and o_err are the distance to P less d*, and the bearing of P: tiles, rewards, bounds, resets
+and laws work on them unchanged. r = (-d*, 0) gives the leader itself. On its place, with the
+place's direction, a follower has no error, in curves neither.
+
+With frame "path" the leader's pose at a place is that of its trail, as far back as the place: a
+chord over ± the window gives its direction, the two halves its curvature κ, and v (1 - κ r_y), κ v
+take the place of speed and turning rate.
+
+Places that move (``flow``) go straight to their goals, at most at the place's speed and
+acceleration, slow down within a second of them, and part where they come nearer than the clearance,
+always past each other on the same side. So a formation changes its shape in motion.
+
+Contract: as of ``control``: records are written in place, nothing is allocated. A formation whose
+trail is empty begins anew: its places are where its robots are.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.compiled import compiled
+from workbench.formation.reset import FOLLOW
+from workbench.formation.senses.truth import observe
+from workbench.robot.geometry import CONTROL_PERIOD
+
+CRUMBS = 2048  # of a trail
+CRUMB_M = 0.005  # between them
+
+PLACE = np.dtype(  # m and m/s in the leader's frame, or along and beside its path; and what of it
+    [
+        ("x", "f8"),
+        ("y", "f8"),
+        ("speed_x", "f8"),
+        ("speed_y", "f8"),
+        ("goal_x", "f8"),
+        ("goal_y", "f8"),
+        ("ahead_x", "f8"),  # the virtual leader in the world, its direction, m/s, rad/s
+        ("ahead_y", "f8"),
+        ("ahead_cos", "f8"),
+        ("ahead_sin", "f8"),
+        ("pace", "f8"),  # of the leader itself: its speed and turning rate, averaged
+        ("turn", "f8"),
+    ]
+)
+SHAPE = np.dtype(
+    [
+        ("any", "i8"),
+        ("path", "i8"),  # places are along the leader's path
+        ("window", "f8"),
+        ("gain", "f8"),  # of the average of the leader's speed and turning rate
+        ("speed", "f8"),
+        ("acceleration", "f8"),
+        ("clearance", "f8"),
+        ("hold", "i8"),  # control periods between random places, 0: no random places
+        ("depth", "f8"),  # how far back and aside they are drawn
+        ("width", "f8"),
+    ]
+)
+_SLOWEST = 0.01  # m/s forward, of a place in the leader's frame
+_SOFT = 0.035  # m of too little room that make a place give way at full speed
+_PART, _PASS = 1.2, 0.5  # away from each other, and past each other
+_ARRIVED = 1e-5  # m
+
+
+@compiled
+def locate(task: Any, one: Any, formation: Any, i: int) -> None:
+    """Move all places of a formation on, and find their virtual leaders, once its leader is
+    located.
+    """
+    if i + 1 < one.robots.size:  # everybody is where it is now
+        return
+    robots = one.robots
+    shape = task.shape
+    leader = robots[0]
+    if formation.crumbs == 0:
+        _begin(robots, formation, one.trail, shape.path)
+        leader.place.pace = leader.motion.speed
+        leader.place.turn = leader.motion.turn
+    leader.place.pace += shape.gain * (leader.motion.speed - leader.place.pace)
+    leader.place.turn += shape.gain * (leader.motion.turn - leader.place.turn)
+    _drop(robots[0].pose, formation, one.trail)
+    if shape.hold and formation.periods % shape.hold == 0:
+        _draw(shape, robots, one.chance)
+    flow(shape, robots)
+    for k in range(1, robots.size):
+        if shape.path:
+            _on_path(task, robots[0], robots[k].place, formation, one.trail)
+        else:
+            _lead(task, leader, robots[k].place)
+
+
+@compiled
+def see(task: Any, robots: Any, i: int, chance: Any) -> None:
+    """Write where the virtual leader of follower i is, with noise."""
+    robot = robots[i]
+    if robot.seen.silent:
+        return
+    pose = robot.pose
+    place = robot.place
+    distance, bearing = observe(pose.x, pose.y, pose.cos, pose.sin, place.ahead_x, place.ahead_y)
+    if task.noise.any:
+        distance = abs(distance + task.noise.distance * chance.noise[0])
+        bearing = bearing + task.noise.bearing * chance.noise[1]
+        bearing = math.atan2(math.sin(bearing), math.cos(bearing))
+    robot.seen.distance = distance
+    robot.seen.bearing = bearing
+
+
+@compiled
+def _begin(robots: Any, formation: Any, trail: Any, path: int) -> None:
+    """Lay a trail from the last robot to the leader, and take places where robots are."""
+    along = 0.0
+    for i in range(robots.size - 1, -1, -1):
+        pose = robots[i].pose
+        if i < robots.size - 1:
+            behind = robots[i + 1].pose
+            along += math.hypot(pose.x - behind.x, pose.y - behind.y)
+        robots[i].place.x = along
+        _keep(formation, trail, pose.x, pose.y, along)
+    leader = robots[0].pose
+    for i in range(1, robots.size):
+        place = robots[i].place
+        pose = robots[i].pose
+        place.speed_x = place.speed_y = 0.0
+        if path:
+            place.x -= along
+            place.y = 0.0
+        else:
+            dx, dy = pose.x - leader.x, pose.y - leader.y
+            place.x = leader.cos * dx + leader.sin * dy
+            place.y = leader.cos * dy - leader.sin * dx
+
+
+@compiled
+def _keep(formation: Any, trail: Any, x: float, y: float, along: float) -> None:
+    """Write a crumb: place and arc length."""
+    k = formation.crumbs % trail.shape[0]
+    trail[k, 0] = x
+    trail[k, 1] = y
+    trail[k, 2] = along
+    formation.crumbs += 1
+
+
+@compiled
+def _drop(pose: Any, formation: Any, trail: Any) -> None:
+    """Leave a crumb where the leader is, once it has come far enough."""
+    last = (formation.crumbs - 1) % trail.shape[0]
+    far = math.hypot(pose.x - trail[last, 0], pose.y - trail[last, 1])
+    if far >= CRUMB_M:
+        _keep(formation, trail, pose.x, pose.y, trail[last, 2] + far)
+
+
+@compiled
+def _at(formation: Any, trail: Any, along: float) -> tuple[float, float]:
+    """Return the place on a trail at an arc length, at its ends where it is shorter."""
+    size = trail.shape[0]
+    low = max(formation.crumbs - size, 0)
+    high = formation.crumbs - 1
+    if along <= trail[low % size, 2]:
+        return trail[low % size, 0], trail[low % size, 1]
+    if along >= trail[high % size, 2]:
+        return trail[high % size, 0], trail[high % size, 1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if trail[middle % size, 2] <= along:
+            low = middle
+        else:
+            high = middle
+    a, b = low % size, high % size
+    part = (along - trail[a, 2]) / (trail[b, 2] - trail[a, 2])
+    return (
+        trail[a, 0] + part * (trail[b, 0] - trail[a, 0]),
+        trail[a, 1] + part * (trail[b, 1] - trail[a, 1]),
+    )
+
+
+@compiled
+def _on_path(task: Any, leader: Any, place: Any, formation: Any, trail: Any) -> None:
+    """Find the virtual leader of a place along the leader's path."""
+    window = task.shape.window
+    end = trail[(formation.crumbs - 1) % trail.shape[0], 2]
+    end += math.hypot(
+        leader.pose.x - trail[(formation.crumbs - 1) % trail.shape[0], 0],
+        leader.pose.y - trail[(formation.crumbs - 1) % trail.shape[0], 1],
+    )
+    s = end + place.x
+    x, y = _at(formation, trail, s)
+    # beside the leader the chord ends where the path does
+    middle = min(s, end - window)
+    mx, my = _at(formation, trail, middle)
+    ax, ay = _at(formation, trail, middle - window)
+    bx, by = _at(formation, trail, middle + window)
+    length = max(math.hypot(bx - ax, by - ay), 1e-9)
+    c, sine = (bx - ax) / length, (by - ay) / length
+    first = math.atan2(my - ay, mx - ax)
+    second = math.atan2(by - my, bx - mx)
+    bend = second - first
+    bend = math.atan2(math.sin(bend), math.cos(bend)) / window
+    speed = leader.place.pace
+    _stand(task, place, x, y, c, sine, speed * (1.0 - bend * place.y), 0.0, bend * speed)
+
+
+@compiled
+def _lead(task: Any, leader: Any, place: Any) -> None:
+    """Find the virtual leader of a place in the leader's own frame."""
+    pose, speed, turn = leader.pose, leader.place.pace, leader.place.turn
+    x = pose.x + pose.cos * place.x
+    y = pose.y + pose.sin * place.x
+    ahead = speed - turn * place.y
+    aside = turn * place.x
+    _stand(task, place, x, y, pose.cos, pose.sin, ahead, aside, turn)
+
+
+@compiled
+def _stand(
+    task: Any,
+    place: Any,
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+    ahead: float,
+    aside: float,
+    turn: float,
+) -> None:
+    """Write the virtual leader of a place beside x, y, in a frame of direction c, s that moves with
+    these speeds there.
+    """
+    x -= s * place.y
+    y += c * place.y
+    ahead = max(ahead + place.speed_x, _SLOWEST)
+    aside += place.speed_y
+    place.pace = math.sqrt(ahead * ahead + aside * aside)
+    place.turn = turn
+    place.ahead_cos = (c * ahead - s * aside) / place.pace
+    place.ahead_sin = (s * ahead + c * aside) / place.pace
+    place.ahead_x = x + task.bounds.middle * place.ahead_cos
+    place.ahead_y = y + task.bounds.middle * place.ahead_sin
+
+
+@compiled
+def flow(shape: Any, robots: Any) -> None:
+    """Move the places of a formation for one control period."""
+    moving = False
+    for i in range(1, robots.size):
+        place = robots[i].place
+        moving |= (
+            abs(place.goal_x - place.x) + abs(place.goal_y - place.y) > _ARRIVED
+            or place.speed_x != 0.0
+            or place.speed_y != 0.0
+        )
+    if not moving:
+        return
+    for i in range(1, robots.size):
+        _want(shape, robots, i)
+    for i in range(1, robots.size):
+        place = robots[i].place
+        place.x += place.speed_x * CONTROL_PERIOD
+        place.y += place.speed_y * CONTROL_PERIOD
+        near = math.hypot(place.goal_x - place.x, place.goal_y - place.y)
+        if near < _ARRIVED:
+            place.x, place.y = place.goal_x, place.goal_y
+            place.speed_x = place.speed_y = 0.0
+
+
+@compiled
+def _want(shape: Any, robots: Any, i: int) -> None:
+    """Turn the speed of place i to its goal, and away from places that are too near."""
+    place = robots[i].place
+    dx, dy = place.goal_x - place.x, place.goal_y - place.y
+    far = math.hypot(dx, dy)
+    pull = min(shape.speed / far, 1.0) if far > 0.0 else 0.0
+    u, v = pull * dx, pull * dy
+    for j in range(robots.size):
+        if j == i:
+            continue
+        nx, ny = place.x, place.y  # from the leader
+        if j:
+            nx -= robots[j].place.x
+            ny -= robots[j].place.y
+        r = math.hypot(nx, ny)
+        if r < shape.clearance:
+            r = max(r, 1e-6)
+            push = shape.speed * (shape.clearance - r) / _SOFT / r
+            u += push * (_PART * nx - _PASS * ny)
+            v += push * (_PART * ny + _PASS * nx)
+    fast = math.hypot(u, v)
+    if fast > shape.speed:
+        u, v = u * shape.speed / fast, v * shape.speed / fast
+    # an arriving place stops as its goal comes near, whatever its acceleration
+    du, dv = u - place.speed_x, v - place.speed_y
+    most = shape.acceleration * CONTROL_PERIOD
+    change = math.hypot(du, dv)
+    if change > most:
+        du, dv = du * most / change, dv * most / change
+    place.speed_x += du
+    place.speed_y += dv
+
+
+@compiled
+def _draw(shape: Any, robots: Any, chance: Any) -> None:
+    """Draw goals at random, where there is room beside the others'."""
+    for i in range(1, robots.size):
+        if robots[i].reset.phase != FOLLOW:
+            continue
+        x = -shape.depth * chance[i].place[0]
+        y = shape.width * (2.0 * chance[i].place[1] - 1.0)
+        free = math.hypot(x, y) >= shape.clearance
+        for j in range(1, robots.size):
+            other = robots[j].place
+            if j != i and math.hypot(x - other.goal_x, y - other.goal_y) < shape.clearance:
+                free = False
+        if free:
+            robots[i].place.goal_x = x
+            robots[i].place.goal_y = y
