@@ -1,5 +1,11 @@
 """Formation control with Greedy-GQ(λ) on simulated e-puck robots. ``import workbench as wb``; see
-the README.
+the README. The verbs:
+
+    learn, learn_seeds          followers learn                    evaluate     follow greedily
+    play                        watch, or drive the leader         follow       the whole motion
+    learn_own, evaluate_own     objects of your own                compare      runs, with intervals
+    load_run, load_robot        what is stored                     sweep        trials on many cores
+    open_robot                  a robot on a wire                  prepare      compile ahead
 
 Names are loaded when they are first used (PEP 562), so that a program pays for what it needs; the
 list is ``__init__.pyi``.
@@ -64,8 +70,10 @@ def __getattr__(name: str) -> object:
         except ModuleNotFoundError as error:
             if error.name != f"{__name__}.{name}":
                 raise
+            from .fields import did_you_mean
+
             raise AttributeError(
-                f"module {__name__!r} has no attribute {name!r}",
+                f"module {__name__!r} has no attribute {name!r}{did_you_mean(name, __all__)}",
                 name=name,
                 obj=sys.modules[__name__],  # Python adds what it is like
             ) from None
@@ -77,4 +85,4 @@ _introduce()
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*__all__, "__all__", "__doc__", "__file__", "__name__", "__path__"})

@@ -122,7 +122,7 @@ def _option(*names: str, **kinds: Any) -> Callable[..., Any]:
 
 @verbs.command(cls=_WithFields)
 @_option("--steps", type=COUNT, help="Learning updates of all followers (default 1_300_000).")
-@_option("--setting", help="Start from a named setting: paper, recommended, infrared, …")
+@_option("--setting", help="paper, paper-robot, logarithmic, offset, recommended, infrared.")
 @_option("--followers", type=COUNT, help="Robots behind the leader (default 4).")
 @_option("--drive", help="Simulated robot: wheels (default), planar or, for sweeps, rolling.")
 @_option("--sensing", help="Where errors come from: truth (default), camera, ir-metric, ir-raw, …")
@@ -165,7 +165,7 @@ def learn(
         except FileNotFoundError:
             pass  # killed before it began: begin
     config = _configure(values, given, fields_set)
-    length = length if steps is None else steps
+    length = fields.positive("steps", length if steps is None else steps)
     if out is None:
         click.echo("nothing of this run is kept; --out FOLDER keeps it", err=True)
     return dict(runs.learn(config, steps=length, out=out, resume=resume).summary)
@@ -576,7 +576,10 @@ def _as_lines(values: dict[str, Any], before: str = "") -> str:
 
 def _plain(text: str) -> Any:
     """Return a value as JSON; several may stand with commas between them; else a bare word."""
-    for form in (text, f"[{text}]" if "," in text else text):
+    if text in ("True", "False"):  # as Python, and the help, write them
+        return text == "True"
+    inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
+    for form in (text, f"[{inner}]" if "," in text else text):
         with suppress(ValueError):
             return json.loads(form)
     return text

@@ -149,7 +149,7 @@ def part(kind: type, doc: str, *, default: object) -> Any:
     """Declare a nested configuration of the given class; a mapping is accepted too and read by
     ``from_dict``.
     """
-    expected = f"a {kind.__name__}"
+    expected = f"a {kind.__name__}, or a mapping of its fields"
 
     def check(value: object) -> object:
         if isinstance(value, Mapping):

@@ -1,5 +1,8 @@
 """Functions of the user's own, compiled and called by their address from the compiled loop.
 
+A reward is a function of u and v, the distance error (positive: too far) and the bearing (positive:
+to the left) in units of their bounds; a law one of distance in m and bearing in rad.
+
 A function of two numbers costs no more than a built-in one then. It may call ``math``, numpy and
 other functions as far as numba can; numbers, tuples and arrays that it takes from outside are
 frozen when it is compiled, and compiled anew for every run. It must return the same for the same

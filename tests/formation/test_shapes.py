@@ -229,13 +229,17 @@ def test_shapes_that_no_robot_can_keep_are_refused(changes, message):
 
 def test_what_does_not_go_together_is_refused():
     with pytest.raises(ValueError, match="behind the robot in front there is a column only"):
-        FormationConfig(shape="wedge")
+        FormationConfig(shape="wedge", frame="predecessor")
     with pytest.raises(ValueError, match="expected points with shape = 'points', and only there"):
         FormationConfig(frame="heading", points=((0, 1),))
     with pytest.raises(ValueError, match="points = .*; expected pairs of numbers"):
         FormationConfig(frame="heading", shape="points", points=((0, 1, 2),))
     with pytest.raises(ValueError, match="'weedge'.*did you mean 'wedge'"):
         FormationConfig(frame="heading", shape="weedge")
+    for shape, frame in (("column", "predecessor"), ("line", "heading"), ("wedge", "path")):
+        assert FormationConfig(shape=shape).relative_to == frame
+    beside = FormationConfig(shape="points", points=((0.0, 0.2),))
+    assert beside.relative_to == "heading"
     assert set(SHAPES) >= {"column", "line", "wedge", "diamond", "circle", "points"}
 
 

@@ -150,7 +150,7 @@ def test_actions_that_are_none_are_refused(action, message):
 def test_what_cannot_be_is_refused_at_once(tmp_path):
     with pytest.raises(TypeError, match="Plain lacks learn; expected an object with"):
         wb.learn_own(Plain(), CONFIG, steps=100)
-    with pytest.raises(TypeError, match="CarrotPI lacks act"):
+    with pytest.raises(TypeError, match=r"law is a CarrotPI, which evaluate\(law, config\) drives"):
         wb.evaluate_own(CarrotPI(), CONFIG)
     with pytest.raises(ValueError, match="expected 'wheels' and 0: Python says wheel speeds"):
         wb.evaluate_own(Plain(), replace(CONFIG, actions="relative"))

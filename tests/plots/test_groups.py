@@ -22,7 +22,7 @@ def runs():
 
 
 def test_groups_are_named_by_what_differs_beside_the_seed(runs):
-    found = wb.compare(runs, ["losses", "ripple_mm"])
+    found = wb.compare(runs, quantities=["losses", "ripple_mm"])
     assert found.table["group"].unique().tolist() == [
         "state_tiles = (9, 9)",
         "state_tiles = (5, 5)",
@@ -38,20 +38,24 @@ def test_groups_are_named_by_what_differs_beside_the_seed(runs):
 
 
 def test_a_single_run_has_no_interval(runs):
-    found = wb.compare({"one": runs[:1], "some": runs[1:3]}, ["losses"]).table.set_index("group")
+    found = wb.compare({"one": runs[:1], "some": runs[1:3]}, quantities=["losses"]).table.set_index(
+        "group"
+    )
     assert math.isnan(found.loc["one", "low"]) and found.loc["some", "high"] > 0
     assert found["seeds"].to_dict() == {"one": 1, "some": 2}
 
 
 def test_differences_are_from_the_first_group_seed_by_seed(runs):
-    found = wb.compare({"nine": runs[:3], "five": runs[5:2:-1]}, "losses")
+    found = wb.compare({"nine": runs[:3], "five": runs[5:2:-1]}, quantities="losses")
     losses = np.array([run.summary["losses"] for run in runs])
     [line] = found.differences.to_dict("records")
     assert line["group"] == "five" and line["seeds"] == 3
     assert line["value"] == pytest.approx((losses[3:] - losses[:3]).mean())
     assert line["low"] < line["value"] < line["high"]
     assert "Differences from nine, seed by seed" in found._repr_html_()
-    assert len(wb.compare({"nine": runs[:3], "five": runs[4:]}, "losses").differences) == 0
+    assert (
+        len(wb.compare({"nine": runs[:3], "five": runs[4:]}, quantities="losses").differences) == 0
+    )
 
 
 def test_who_drove_and_for_what_makes_groups_too():
@@ -64,11 +68,11 @@ def test_who_drove_and_for_what_makes_groups_too():
         for law in laws
         for seed in (1, 2)
     ]
-    groups = wb.compare(driven, "losses").table["group"].tolist()
+    groups = wb.compare(driven, quantities="losses").table["group"].tolist()
     assert [group.split()[2] for group in groups] == ["carrot", "pursuit", "own"]
     rewards = (lambda u, v: -u * u, lambda u, v: -v * v)
     learned = [wb.learn(BASE, steps=300, reward=one, progress=False) for one in rewards]
-    assert len(wb.compare(learned, "losses").table) == 2
+    assert len(wb.compare(learned, quantities="losses").table) == 2
 
 
 def test_odd_names_and_single_runs_are_drawn(runs):
@@ -88,20 +92,22 @@ def test_what_cannot_be_compared_is_refused(runs):
     with pytest.raises(TypeError, match="runs has a list in it; expected runs, or groups of them"):
         wb.compare([runs[:2]])
     with pytest.raises(ValueError, match="'drive' of group 'all', seed 1, is 'rolling'"):
-        wb.compare(runs[:1], ["drive"])
+        wb.compare(runs[:1], quantities=["drive"])
     short = wb.evaluate(wb.LAWS["carrot"](), BASE, minutes=1, progress=False)
     with pytest.raises(ValueError, match="is None: there was too little of it"):
-        wb.compare([short], "rms_distance_error_mm_last_third")
+        wb.compare([short], quantities="rms_distance_error_mm_last_third")
     with pytest.raises(ValueError, match="seed 1 is twice in group 'a'"):
         wb.compare({"a": [runs[0], runs[3]]})
     with pytest.raises(ValueError, match="quantity 'loses'; expected one of"):
-        wb.compare(runs, ["loses"])
+        wb.compare(runs, quantities=["loses"])
 
 
 def test_no_interval_of_what_counts_or_spreads_reaches_below_0(runs):
     runs = [replace(run) for run in runs[:3]]
     for run, losses in zip(runs, (0, 0, 40), strict=True):
         vars(run)["summary"] = run.summary | {"losses": losses, "mean_reward": losses - 20.0}
-    table = wb.compare({"all": runs}, ["losses", "mean_reward"]).table.set_index("quantity")
+    table = wb.compare({"all": runs}, quantities=["losses", "mean_reward"]).table.set_index(
+        "quantity"
+    )
     assert table.loc["losses", "low"] == 0.0 < table.loc["losses", "value"]
     assert table.loc["mean_reward", "low"] < -20.0  # has a sign

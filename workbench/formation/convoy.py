@@ -168,13 +168,14 @@ class Convoy:
             ValueError: an unknown shape, places that no robot can keep, or followers that keep no
                 places (``ConvoyConfig.formation.frame``).
         """
-        told = replace(self.config.formation, shape=shape, points=_pairs(points))
-        config = replace(self.config, formation=told)
-        if not told.shaped:
+        frame = self.config.formation.relative_to
+        if frame == "predecessor":
             raise ValueError(
-                f"formation.frame = {told.frame!r}; followers of the robot in front keep no "
-                "places: expected 'heading' or 'path'"
+                f"formation.frame = {frame!r}; followers of the robot in front keep no places: "
+                "expected 'heading' or 'path'"
             )
+        told = replace(self.config.formation, shape=shape, points=_pairs(points), frame=frame)
+        config = replace(self.config, formation=told)
         goals = places(shape, config.followers, config.spacing_m, points)
         self.task["shape"]["hold"] = 0
         if shape == "random":

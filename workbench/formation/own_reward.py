@@ -81,6 +81,11 @@ def with_reward(
     is no function.
     """
     expect_config(config)
+    if isinstance(function, str):
+        raise TypeError(
+            f"reward = {function!r}; expected a function of u and v: a preset is named by "
+            f"ConvoyConfig(reward={function!r})"
+        )
     return (
         (config, None) if function is None else (replace(config, reward=OWN), own_reward(function))
     )

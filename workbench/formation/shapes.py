@@ -6,9 +6,10 @@
 
 What a place is relative to (``frame``):
 
-    predecessor  the robot in front: the paper's worm, the default; the column is its only shape
+    predecessor  the robot in front: the paper's worm; the column is its only shape
     heading      the leader, by its heading of this moment; a leader that judders swings far places
     path         the leader's trail: a place back along it, and to the side of it
+    auto         a column: predecessor; shapes with a place beside the leader: heading; others: path
 
 ``random`` is for learning: places are drawn anew again and again, so that one table serves every
 shape. Names as in Balch & Arkin (IEEE T-RA 14(6), 926, 1998).
@@ -29,7 +30,7 @@ from workbench.formation.assignment import ASSIGNMENTS
 
 Floats = NDArray[np.float64]
 SHAPES = ("column", "line", "wedge", "diamond", "circle", "points", "random")
-FRAMES = ("predecessor", "heading", "path")
+FRAMES = ("auto", "predecessor", "heading", "path")
 
 
 @configuration
@@ -40,8 +41,8 @@ class FormationConfig:
     frame: str = choice(
         FRAMES,
         "what places are relative to: the robot in front (the paper), the leader's heading, or its "
-        "path",
-        default="predecessor",
+        "path; auto: what suits the shape",
+        default="auto",
     )
     spacing_m: float = real(
         0.0, 10.0, "m", "between neighbouring places; 0 takes the wanted distance", default=0.0
@@ -89,9 +90,19 @@ class FormationConfig:
             )
 
     @property
+    def relative_to(self) -> str:
+        """What places are relative to: "predecessor", "heading" or "path"."""
+        if self.frame != "auto":
+            return self.frame
+        if self.shape == "column":
+            return "predecessor"
+        beside = any(x > -self.window_m / 2 for x, _ in self.points)
+        return "heading" if beside or self.shape in ("line", "random") else "path"
+
+    @property
     def shaped(self) -> bool:
         """Whether places are relative to the leader."""
-        return self.frame != "predecessor"
+        return self.relative_to != "predecessor"
 
 
 def places(shape: str, followers: int, spacing_m: float, points: ArrayLike = ()) -> Floats:
@@ -183,14 +194,21 @@ def check_shape(
             f"formation: robots {i} and {j} are {apart.min():.3g} m apart, and touch at "
             f"{touch:.3g} m: expected a larger spacing_m, or other points"
         )
-    if config.frame == "path" and found[:, 0].max() > 1e-9:
+    if config.relative_to == "path" and found[:, 0].max() > 1e-9:
         raise ValueError(
             f"formation: a place {found[:, 0].max():.3g} m ahead of the leader with frame = "
             "'path'; there is no path yet: expected places at its side or behind, or frame = "
             "'heading'"
         )
+    aside = float(np.abs(found[:, 1]).max())
+    if aside >= radius_m:
+        raise ValueError(
+            f"formation: a place {aside:.3g} m aside on a track with curves of {radius_m:.3g} m "
+            "would stand still or go back on their inside: expected track.radius_m above that, or "
+            "a smaller spacing_m"
+        )
     # on the outside of the tightest curve, with the outer wheel
-    reach = float(np.abs(found[:, 1]).max()) + track_m / 2
+    reach = aside + track_m / 2
     needed = leader_mps * (1 + reach / radius_m)
     if needed > fastest_mps:
         room = reach * leader_mps / max(fastest_mps - leader_mps, 1e-9)

@@ -158,7 +158,7 @@ def _shape(config: ConvoyConfig) -> dict[str, Any]:
     depth, width = random_reach(config.followers, config.spacing_m) if random else (0.0, 0.0)
     return {
         "any": told.shaped,
-        "path": told.frame == "path",
+        "path": told.relative_to == "path",
         "window": told.window_m,
         "gain": 1.0 - math.exp(-CONTROL_PERIOD / told.smooth_s) if told.smooth_s else 1.0,
         "speed": told.place_speed_mps,

@@ -28,6 +28,7 @@ from workbench import fields
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import BLOCK, Convoy
 from workbench.formation.follower import LEARNED
+from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.outside import Outside
 from workbench.formation.own_reward import check_reward
 from workbench.formation.policy import Policy
@@ -44,7 +45,8 @@ class Seen(NamedTuple):
 
     Attributes:
         state: number of its tile.
-        distance_m, bearing_rad: of the robot in front, after filter and prediction if there are.
+        distance_m, bearing_rad: of the robot in front (left positive), after filter and prediction
+            if there are.
         left_mps, right_mps: its own wheel speeds, as it was last told.
     """
 
@@ -195,7 +197,15 @@ class _Loop:
 def learn_own(
     learner: OwnLearner, config: ConvoyConfig, *, steps: float, progress: Progress = True
 ) -> Run:
-    """Let followers learn by a learner of one's own, over as many actions as ``steps`` says.
+    """Let followers learn by a learner of one's own, over as many actions as ``steps`` says:
+
+        class Mine:
+            def act(self, follower, seen): ...    # an action's number, or (left, right) in m/s
+            def learn(self, follower, step): ...  # what came of an action
+            def table(self): ...                  # if there is one: (tables, rows, actions)
+
+    ``seen`` has state, distance_m, bearing_rad (left positive), left_mps, right_mps; ``step`` has
+    seen, action, reward, after (None: the leader was lost), others.
 
     The run's policy is the learner's table, where it has one; its kind is "learn-own", so that
     nobody takes it for Greedy-GQ's.
@@ -246,13 +256,16 @@ def _table(table: Callable[[], Any], config: ConvoyConfig) -> Policy:
 def evaluate_own(
     law: OwnController, config: ConvoyConfig, *, minutes: float = 30.0, progress: Progress = True
 ) -> Run:
-    """Let followers be driven by an object of one's own for a simulated time; it is not told to
-    learn.
+    """Let followers be driven by an object of one's own for a simulated time: its method ``act``,
+    see ``learn_own``. It is not told to learn, nor that it is judged: whoever explores turns that
+    off before.
 
     Raises:
         TypeError: it has no ``act``.
         ValueError: an action is none of the configuration's.
     """
+    if isinstance(law, ControlLaw):
+        raise TypeError(f"law is a {type(law).__name__}, which evaluate(law, config) drives")
     _require(law, "act")
     length = periods_of(minutes)
     loop, recorder = _Loop(_Frozen(law), config, 0), Recorder(config, length)

@@ -224,6 +224,7 @@ def elsewhere(policy: "Controller | Run", config: ConvoyConfig | None) -> Convoy
         expect_config(config)
         return config
     if not isinstance(policy, Run):
+        check_controller(policy)
         raise TypeError(
             f"config is missing; a {type(policy).__name__} does not know where to follow: give a "
             "configuration, or a run in its place"

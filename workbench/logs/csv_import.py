@@ -277,7 +277,7 @@ def _columns(columns: list[str], names: dict[str, str], said: list[str]) -> dict
                 said.append(f"{column!r} taken as {ours}")
     left = [column for column in columns if column not in found.values()]
     if left:
-        said.append(f"left out: {', '.join(left)}")
+        said.append(f"left out: {', '.join(left)} (--map COLUMN=NAME takes one in)")
     return found
 
 

@@ -4,7 +4,7 @@
 >>> from workbench.lab.runs import learn
 >>> base = ConvoyConfig(drive="rolling", followers=1)
 >>> few = [learn(base.with_seed(seed), steps=300, progress=False) for seed in (1, 2)]
->>> compare({"a": few, "b": few}, ["losses"]).table["group"].tolist()
+>>> compare({"a": few, "b": few}, quantities=["losses"]).table["group"].tolist()
 ['a', 'b']
 """
 
@@ -54,10 +54,20 @@ class Comparison:
 
     def __repr__(self) -> str:
         """Show the tables."""
-        shown = [self.table, *([self.differences] if len(self.differences) else [])]
-        return "\n\n".join(
-            str(one.to_string(index=False, float_format=lambda value: f"{value:.3g}"))
-            for one in shown
+        shown = [_as_text(self.table)]
+        if len(self.differences):
+            shown.append(f"{self._said()}\n{_as_text(self.differences)}")
+        elif self.table["group"].nunique() > 1:
+            shown.append(self._said())
+        return "\n\n".join(shown)
+
+    def _said(self) -> str:
+        """Return what the differences are, or why there are none."""
+        if len(self.differences):
+            return f"Differences from {self.table['group'].iloc[0]}, seed by seed:"
+        return (
+            "No differences: the groups have different seeds, or a single one; evaluate with "
+            "config.with_seed(seed) for the same."
         )
 
     def _repr_html_(self) -> str:
@@ -65,14 +75,19 @@ class Comparison:
         picture = base64.b64encode(png(self.figure)).decode()
         shown = self.table.to_html(index=False, float_format="%.3g")
         if len(self.differences):
-            first = html.escape(str(self.table["group"].iloc[0]))
             told = self.differences.to_html(index=False, float_format="%.3g")
-            shown += f"<p>Differences from {first}, seed by seed:</p>{told}"
+            shown += f"<p>{html.escape(self._said())}</p>{told}"
         return f"{shown}<img alt='mean, interval and runs' src='data:image/png;base64,{picture}'>"
 
 
+def _as_text(table: pd.DataFrame) -> str:
+    return str(table.to_string(index=False, float_format=lambda value: f"{value:.3g}"))
+
+
 def compare(
-    runs: Iterable[Run] | Mapping[str, Iterable[Run]], quantities: Sequence[str] = USUAL
+    runs: Iterable[Run] | Mapping[str, Iterable[Run]],
+    *,
+    quantities: Sequence[str] | str | None = None,
 ) -> Comparison:
     """Return means with intervals over seeds, differences from the first group, and a figure with
     every run as a tick.
@@ -80,18 +95,21 @@ def compare(
     Args:
         runs: finished runs, grouped by what they differ in beside the seed; or groups by name:
             {"default": runs, "mine": others}.
-        quantities: of the runs' summaries.
+        quantities: of the runs' summaries; default: the usual ones, of evaluations those of the
+            last third, as followers begin at rest and in line.
 
     Raises:
         TypeError: something is no run.
         ValueError: there are no runs, a seed is twice in a group, or a quantity is no number of a
             run's summary.
     """
-    quantities = [quantities] if isinstance(quantities, str) else list(quantities)
     if isinstance(runs, Mapping):
         groups = {str(name): _runs(members) for name, members in runs.items()}
     else:
         groups = _grouped(_runs(runs))
+    if quantities is None:
+        quantities = _usual([run for members in groups.values() for run in members])
+    quantities = [quantities] if isinstance(quantities, str) else list(quantities)
     empty = [name for name, members in groups.items() if not members]
     if empty or not groups or not quantities:
         raise ValueError(
@@ -114,6 +132,16 @@ def compare(
     summary = _summary(table, quantities)
     figure = _draw(summary, table, quantities)
     return Comparison(summary, _differences(table, quantities), table, figure)
+
+
+def _usual(runs: Sequence[Run]) -> list[str]:
+    """Return what is usually compared: of evaluations that are long enough, their last third."""
+    late = [name if name == "losses" else f"{name}_last_third" for name in USUAL]
+    settled = all(
+        run.kind == "evaluate" and all(run.summary[name] is not None for name in late)
+        for run in runs
+    )
+    return late if settled else list(USUAL)
 
 
 def _runs(runs: Any) -> list[Run]:
@@ -161,6 +189,8 @@ def _summary(table: pd.DataFrame, quantities: Sequence[str]) -> pd.DataFrame:
     # Counts, shares and root mean squares have no mean below 0, wherever an interval ends.
     unsigned = ~found["quantity"].str.contains("mean")
     found.loc[unsigned, "low"] = found.loc[unsigned, "low"].clip(lower=0.0)
+    share = found["quantity"].str.startswith("share")
+    found.loc[share, "high"] = found.loc[share, "high"].clip(upper=1.0)
     order = {name: k for k, name in enumerate([*quantities, *table["group"].unique()])}
     return found.sort_values(
         ["quantity", "group"], key=lambda column: column.map(order), ignore_index=True
@@ -226,7 +256,7 @@ def _draw(summary: pd.DataFrame, table: pd.DataFrame, quantities: Sequence[str])
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for number, (name, ax) in enumerate(zip(quantities, axes, strict=False)):
             part = summary[summary["quantity"] == name]
-            words = re.sub("_(mm|deg)$", r", \1", name).replace("_", " ")
+            words = re.sub("_(mm|deg)(_last_third)?$", r"\2, \1", name).replace("_", " ")
             dots(part, "group", xlabel=words, ax=ax, number=number % len(CYCLE))
             ax.xaxis.set_major_locator(MaxNLocator(4))
             ax.set_yticks(range(len(names)), labels if number % columns == 0 else [""] * len(names))

@@ -36,7 +36,9 @@ _RADII = (0.01, 1.0)
 
 @configuration
 class RobotConfig:
-    """Sizes, masses and motors of a robot with two driven wheels."""
+    """Sizes, masses and motors of a robot with two driven wheels. What is left out is as on the
+    e-puck; in a file (``load_robot``) it grows with the body.
+    """
 
     body_radius_m: float = real(
         *_RADII, "m", "radius of the body seen from above", default=g.BODY_RADIUS
@@ -195,7 +197,9 @@ def _grown(given: dict[str, Any]) -> dict[str, Any]:
     """Return a description with what it leaves out, grown with the body."""
     size = _against_epuck(given, "body_radius_m")
     if not _RADII[0] / g.BODY_RADIUS <= size <= _RADII[1] / g.BODY_RADIUS:
-        return given  # the radius itself is refused
+        known = dict(given)
+        known.pop("most_mps", None)
+        return known  # the radius itself is refused
     whole = {name: getattr(EPUCK, name) * size for name in _LENGTHS}
     whole["mass_kg"] = EPUCK.mass_kg * size**3
     mass = _against_epuck(whole | given, "mass_kg")

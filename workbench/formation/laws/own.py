@@ -46,8 +46,8 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[fl
 
 @dataclass(frozen=True)
 class OwnLaw(ControlLaw):
-    """A steering law given as a function of distance (m) and bearing (rad): returns speed (m/s) and
-    turning rate (rad/s).
+    """A steering law given as a function of distance (m) and bearing (rad, positive where the robot
+    in front is to the left): returns speed (m/s) and turning rate (rad/s, positive to the left).
 
     Commands stay within the learner's range of wheel speeds. Objects can be sent to other processes
     if the function can.

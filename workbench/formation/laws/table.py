@@ -25,6 +25,7 @@ not optimised on any study's tracks. A law of one's own is a file beside this on
 import inspect
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,9 @@ def check_controller(policy: object) -> None:
         return
     named = policy if isinstance(policy, str) else getattr(policy, "name", "carrot")
     remedy = f"a law with its gains, such as LAWS[{named!r}]()"
-    if callable(getattr(policy, "act", None)):
+    if isinstance(policy, (str, Path)) and Path(policy).exists():
+        remedy = f"load_run({str(policy)!r})"
+    elif callable(getattr(policy, "act", None)):
         remedy = "evaluate_own(object, config) for an object with act"
     elif inspect.isfunction(policy):
         remedy = "OwnLaw(function=…) for a function of distance and bearing"
