@@ -10,6 +10,7 @@ import pytest
 import workbench as wb
 from workbench import paths
 from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.shapes import FormationConfig
 from workbench.learning.config import LearnerConfig
 from workbench.logs.recordings import load_recording
 from workbench.robot.description import load_robot
@@ -17,7 +18,15 @@ from workbench.robot.motors import twist
 from workbench.view.drawing import draw_scene
 from workbench.view.joystick import SHARE, Joystick
 from workbench.view.play import scene_of, still
-from workbench.view.scenes import FIELDS, LiveScene, StoredScene, load_drive, whole
+from workbench.view.scenes import (
+    FIELDS,
+    PLACES,
+    LiveScene,
+    StoredScene,
+    describe,
+    load_drive,
+    whole,
+)
 from workbench.view.widget import CHUNK, Arena
 
 PLANAR = wb.ConvoyConfig(drive="planar")
@@ -252,7 +261,7 @@ def test_pictures_of_scenes_have_every_robot_and_the_time():
             ValueError,
             "drive = True with a recorded drive",
         ),
-        (lambda: scene_of(PLANAR, "carrot"), TypeError, "expected the policy of a run"),
+        (lambda: scene_of(PLANAR, "carrot"), TypeError, "expected a run, its policy"),
         (
             lambda: LiveScene(PLANAR, drive=True).save_drive("x.csv"),
             ValueError,
@@ -394,3 +403,49 @@ def test_an_interrupt_waits_until_the_period_is_whole():
         happened.append("after the signal")
     assert happened and signal.getsignal(signal.SIGINT) is signal.default_int_handler
     signal.signal(signal.SIGINT, before)
+
+
+def test_a_formation_is_asked_for_shapes_by_buttons_and_by_places_that_are_drawn():
+    track = wb.TrackConfig(shape="eight", radius_m=1.0, judder="none")
+    config = replace(
+        PLANAR,
+        drive="rolling",
+        track=track,
+        leader_speed_mps=0.05,
+        wheel_speed_mps=(0.0, 0.12),
+        formation=FormationConfig(shape="wedge"),
+    )
+    scene = LiveScene(config, law=CarrotPI())
+    assert scene.about["shapes"] == ["column", "line", "wedge", "diamond", "circle"]
+    assert describe(PLANAR, np.zeros((2, 2)))["shapes"] == []
+    told = []
+    arena = Arena(scene)
+    arena.send = lambda message, buffers=None: told.append(message)
+    arena._hear(None, {"type": "instruct", "shape": "diamond"}, None)
+    assert told[-1]["text"] == "asked for: diamond"
+    frames = scene.advance(600)
+    apart = np.hypot(*(frames[-1, 1:, PLACES] - frames[-1, 1:, :2]).T)
+    assert apart.max() < 0.02
+    points = [[-0.2, 0.2], [-0.2, -0.2], [-0.4, 0.0], [-0.6, 0.0]]
+    arena._hear(None, {"type": "instruct", "shape": "points", "points": points}, None)
+    place = scene.convoy.robots["place"][0, 1:]
+    assert sorted(map(tuple, np.stack([place["goal_x"], place["goal_y"]], -1).tolist())) == sorted(
+        map(tuple, points)
+    )
+    arena._hear(None, {"type": "instruct", "shape": "points", "points": points[:1]}, None)
+    assert "points have shape (1, 2); expected (4, 2)" in told[-1]["text"]
+    with pytest.raises(ValueError, match="nobody has driven yet"):
+        scene.save_drive("drive.csv")
+
+
+def test_a_drive_with_changes_of_shape_is_not_saved_as_if_there_were_none(tmp_path):
+    track = wb.TrackConfig(shape="eight", radius_m=1.0, judder="none")
+    config = replace(
+        PLANAR, track=track, wheel_speed_mps=(0.0, 0.12), formation=FormationConfig(shape="wedge")
+    )
+    scene = LiveScene(config, law=CarrotPI(), drive=True)
+    scene.steer(0.0, 0.5)
+    scene.advance(5)
+    scene.instruct("diamond")
+    with pytest.raises(ValueError, match="asked for another shape on the way"):
+        scene.save_drive(tmp_path / "drive.csv")

@@ -252,8 +252,8 @@ class ConvoyConfig:
         if self.sensing not in ("truth", "truth-relative"):
             raise ValueError(
                 f"ConvoyConfig.sensing = {self.sensing!r} with formation.frame = "
-                f"{told.relative_to!r}; places are by the leader, whom nobody sees past others: expected 'truth', "
-                "'truth-relative'"
+                f"{told.relative_to!r}; places are by the leader, whom nobody sees past others: "
+                "expected 'truth', 'truth-relative'"
             )
         fastest = min(self.robot.most_mps, self.wheel_speed_mps[1])
         if self.actions == "relative":

@@ -65,8 +65,9 @@ function face(el) {
   const restart = element(second, "button", { textContent: "restart", className: "restart", title: "begin again; what was learned is forgotten" });
   const name = element(second, "input", { type: "text", value: "my_drive.csv", size: 16, title: "name of the file that the drive is saved in", ariaLabel: "file name of the drive", className: "name" });
   const save = element(second, "button", { textContent: "save drive", className: "save" });
+  const shapes = element(box, "div", { className: "row shapes" });
   const said = element(box, "div", { className: "said", ariaLive: "polite" });
-  return { box, title, canvas, stick, play, step, speed, scrub, clock, count, shown, restart, name, save, said };
+  return { shapes, box, title, canvas, stick, play, step, speed, scrub, clock, count, shown, restart, name, save, said };
 }
 
 function render({ model, el }) {
@@ -76,11 +77,13 @@ function render({ model, el }) {
   const width = about.fields.length, robots = about.robots;
   const state = {
     frames: [], tallied: [], cursor: 0, playing: false, asked: 0, over: !model.get("live"), drive: model.get("drivable"),
-    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, wrong: false, driving: false, scrubbed: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0,
+    joystick: [0, 0], keys: new Set(), painted: "", joining: false, stepping: false, wrong: false, driving: false, scrubbed: false, last: 0, drawn: 0, counted: 0, centre: null, closed: false, generation: 0, points: null, floor: null,
   };
   ui.title.textContent = model.get("title");
   for (const part of [ui.name, ui.save, ui.stick]) part.style.display = state.drive ? "" : "none";
   ui.restart.style.display = model.get("live") ? "" : "none";
+  const shaped = model.get("live") && about.shapes.length > 0;
+  ui.shapes.style.display = shaped ? "" : "none";
   if (state.drive) ui.said.textContent = "Click here, then drive with the arrow keys or W A S D, or drag the round stick. ";
 
   // --- talking to the kernel -------------------------------------------------------------------------------------------------
@@ -146,6 +149,26 @@ function render({ model, el }) {
   ui.restart.onclick = () => { pause(); model.send({ type: "restart" }); };
   ui.save.onclick = () => { pause(); ui.said.textContent = "saving …"; model.send({ type: "save", name: ui.name.value }); };
 
+  // --- shapes ----------------------------------------------------------------------------------------------------------------
+  if (shaped) {
+    for (const shape of about.shapes) {
+      const button = element(ui.shapes, "button", { textContent: shape, className: `shape ${shape}`, title: `ask the formation for: ${shape}` });
+      button.onclick = () => { state.points = null; model.send({ type: "instruct", shape }); };
+    }
+    const pencil = element(ui.shapes, "button", { textContent: "draw places", className: "pencil", title: "then click where each follower is to drive; the picture turns with the leader" });
+    pencil.onclick = () => { pause(); state.points = []; ui.said.textContent = `Click ${robots - 1} places beside or behind the leader.`; };
+  }
+  function putPlace(event) { // a click on the floor, in the leader's frame
+    const box = ui.canvas.getBoundingClientRect();
+    const floor = state.floor(event.clientX - box.left, event.clientY - box.top);
+    const [x, y, heading] = between(state.cursor)[0][0];
+    const dx = floor[0] - x, dy = floor[1] - y;
+    state.points.push([Math.cos(heading) * dx + Math.sin(heading) * dy, Math.cos(heading) * dy - Math.sin(heading) * dx]);
+    if (state.points.length < robots - 1) { ui.said.textContent = `${robots - 1 - state.points.length} more`; return; }
+    model.send({ type: "instruct", shape: "points", points: state.points });
+    state.points = null;
+  }
+
   const KEYS = {
     ArrowUp: [0, 1], w: [0, 1], ArrowDown: [0, -1], s: [0, -1], ArrowLeft: [1, 0], a: [1, 0], ArrowRight: [-1, 0], d: [-1, 0],
   };
@@ -201,7 +224,7 @@ function render({ model, el }) {
     drag(event);
   };
   ui.stick.onpointerup = ui.stick.onpointercancel = ui.stick.onlostpointercapture = release;
-  ui.canvas.onpointerdown = () => ui.box.focus();
+  ui.canvas.onpointerdown = (event) => { ui.box.focus(); if (state.points && state.frames.length) putPlace(event); };
   // keys are for the arena that the mouse is over, and for one to drive in that has just appeared; never for the notebook around it
   const typing = () => document.activeElement && (document.activeElement.isContentEditable || /^(INPUT|TEXTAREA|SELECT)$/.test(document.activeElement.tagName));
   ui.box.addEventListener("pointerenter", (event) => {
@@ -277,6 +300,7 @@ function render({ model, el }) {
     state.centre = state.centre || goal.slice();
     for (const axis of [0, 1]) state.centre[axis] += 0.08 * (goal[axis] - state.centre[axis]);
     const X = (x) => w / 2 + scale * (x - state.centre[0]), Y = (y) => h / 2 - scale * (y - state.centre[1]);
+    state.floor = (px, py) => [state.centre[0] + (px - w / 2) / scale, state.centre[1] - (py - h / 2) / scale];
 
     paintGrid(w, h, scale);
     draw.beginPath();
@@ -315,6 +339,18 @@ function render({ model, el }) {
     }
     for (let i = 1; i < robots && tiles; i++) paintTile(poses[i], frame, i, X, Y, scale);
     for (let i = 0; i < robots; i++) paintLabel(poses[i], i, X, Y, scale);
+    if (shaped) paintPlaces(poses[0], frame, X, Y, scale);
+  }
+
+  function paintPlaces(leader, frame, X, Y, scale) { // a ring where each follower is to be, and what is being drawn
+    const ring = (x, y) => { draw.beginPath(); draw.arc(X(x), Y(y), scale * about.radius * 1.25, 0, 2 * Math.PI); draw.stroke(); };
+    draw.strokeStyle = look.ink;
+    draw.lineWidth = 1;
+    draw.setLineDash([3, 3]);
+    for (let i = 1; i < robots; i++) ring(frame[i * width + index.place_x], frame[i * width + index.place_y]);
+    draw.setLineDash([]);
+    const [x, y, heading] = leader, c = Math.cos(heading), s = Math.sin(heading);
+    for (const [ahead, left] of state.points || []) ring(x + c * ahead - s * left, y + s * ahead + c * left);
   }
 
   function sector(pose, X, Y, scale, near, far, right, left) { // between two distances and two bearings, seen from a robot

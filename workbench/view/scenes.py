@@ -8,10 +8,11 @@ A frame is an array (robots, len(FIELDS)) of float32, one per control period:
     state, phase                      tile (-1: none) and phase of the follower (formation.reset)
     left, right                       commands in steps/s
     ps0 … ps7                         proximity readings in counts; stored runs without infrared: 0
+    place_x, place_y                  where its place is, m; without a shape 0
 
 >>> scene = LiveScene(ConvoyConfig(followers=1, drive="planar"), law=CarrotPI())
 >>> scene.advance(3).shape, scene.about["robots"], scene.live
-((3, 2, 17), 2, True)
+((3, 2, 19), 2, True)
 
 A drive by hand is kept as its commands; everything else follows from the configuration's seed.
 ``save_drive`` drives it again behind the robot API, so that the recording has the leader's own
@@ -33,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
@@ -65,7 +66,12 @@ FIELDS = (
     "left",
     "right",
     *(f"ps{k}" for k in range(SENSORS)),
+    "place_x",
+    "place_y",
 )
+READINGS = slice(FIELDS.index("ps0"), FIELDS.index("ps0") + SENSORS)
+PLACES = slice(FIELDS.index("place_x"), FIELDS.index("place_x") + 2)
+ASKED = ("column", "line", "wedge", "diamond", "circle")  # shapes that a page can ask for
 NOTE = "driven by hand in the live arena; simulated physics, no real robot"
 Frames = NDArray[np.float32]
 
@@ -103,6 +109,7 @@ def describe(
         "free": free,
         "ring": RING * config.robot.size,
         "sensors": BEARINGS.tolist() if config.robot == EPUCK else [],
+        "shapes": list(ASKED) if config.formation.shaped else [],
     }
 
 
@@ -328,6 +335,7 @@ class LiveScene:
         self._stick = Joystick(self.config)
         self._joystick = (0.0, 0.0)
         self.commands: list[tuple[int, int]] = []
+        self.instructed = False
         self.t = 0
         self.generation += 1
         self._kept: list[Frames] = []
@@ -400,8 +408,22 @@ class LiveScene:
         if not self.convoy.task["infrared"]["sees"][0]:
             for i in range(1, len(robots)):
                 sense(self.convoy.task, robots, i, self._noise.standard_normal(SENSORS))
-        frame[:, 9:] = robots["infrared"]["readings"]
+        frame[:, READINGS] = robots["infrared"]["readings"]
+        if self.config.formation.shaped:
+            place = robots["place"][1:]
+            for column, axis, part in ((0, "ahead_x", "ahead_cos"), (1, "ahead_y", "ahead_sin")):
+                there = place[axis] - self.config.middle_m * place[part]
+                frame[1:, PLACES.start + column] = there
         return frame
+
+    def instruct(self, shape: str, points: ArrayLike = ()) -> None:
+        """Ask the formation for a shape, see ``Convoy.instruct``.
+
+        Raises:
+            ValueError: no such shape, or none that robots can keep.
+        """
+        self.convoy.instruct(shape, points)
+        self.instructed = True
 
     def save_drive(self, path: str | Path) -> Path:
         """Record the drive so far: drive it again behind the robot API, the leader's own readings
@@ -417,6 +439,11 @@ class LiveScene:
             raise ValueError(
                 "nobody has driven yet; there is nothing to save: start the scene with "
                 "drive=True and press play"
+            )
+        if self.instructed:
+            raise ValueError(
+                "the formation has been asked for another shape on the way, which a recording does "
+                "not hold: press restart and drive with one shape"
             )
         others = self.policy if self.policy is not None else self.law
         with SimulatedRobot(self.config, robot=0, others=others, learn=self.learn) as robot:

@@ -78,6 +78,7 @@ class Arena(anywidget.AnyWidget):
             "history": self._history,
             "restart": self._restart,
             "save": self._save,
+            "instruct": self._instruct,
         }
         with self.scene.lock:
             try:
@@ -134,6 +135,11 @@ class Arena(anywidget.AnyWidget):
         scene.restart()
         scene.advance()
         self._tell(0)
+
+    def _instruct(self, message: dict[str, Any]) -> None:
+        shape = str(message["shape"])
+        self._live().instruct(shape, message.get("points", ()))
+        self.send({"type": "said", "text": f"asked for: {shape}"})
 
     def _save(self, message: dict[str, Any]) -> None:
         scene = self._live()
