@@ -264,3 +264,37 @@ def test_a_formation_that_never_arrives_has_no_time():
     assert math.isnan(reform_s(motion, there + 1.0))
     with pytest.raises(ValueError, match="expected a longer one"):
         shape_errors(motion, [(-0.3, 0.0)])
+
+
+def test_sixty_four_followers_drive_a_wedge():
+    track = replace(EIGHT, radius_m=12.0)
+    config = _shaped("wedge", "path", followers=64, track=track)
+    summary = wb.evaluate(wb.LAWS["carrot"](), config, minutes=6, progress=False).summary
+    assert summary["losses"] == summary["collisions"] == 0
+
+
+def test_agents_of_others_keep_places_by_the_errors_that_they_observe():
+    env = wb.ConvoyEnv(_shaped("wedge"), actions="continuous", seconds=60)
+    seen, _ = env.reset(seed=3)
+    while env.agents:
+        pairs = {
+            agent: np.clip([2 * u - 2 * v - 0.15, 2 * u + 2 * v - 0.15], -1, 1)
+            for agent, (u, v) in seen.items()
+        }
+        seen, _, terminated, _, _ = env.step(pairs)
+    assert not any(terminated.values())
+    place = env.convoy.robots["place"][0, 1:]
+    assert np.hypot(place["x"] - place["goal_x"], place["y"] - place["goal_y"]).max() < 1e-3
+
+
+def test_a_restart_of_the_simulation_begins_in_a_column_and_flows_again():
+    config = _shaped("wedge", reset="restart", weights="shared", seed=2)
+    convoy = Convoy(config, [2], steps=3000, threads=1)
+    steps = convoy.whole()
+    lost = np.flatnonzero(np.any(steps["event"][:, 1:] & 1, axis=1))
+    assert lost.size
+    after = steps[lost[0] + 1]
+    gaps = np.hypot(np.diff(after["x"]), np.diff(after["y"]))
+    assert gaps == pytest.approx(np.full(4, config.middle_m), abs=0.02)
+    # nobody is lost sooner than a robot can turn away by 45°, at two wheels' 120 mm/s
+    assert np.diff(lost).min() >= math.radians(45) / (0.12 / config.robot.track_m) / 0.1 - 1

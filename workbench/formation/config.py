@@ -24,6 +24,7 @@ from workbench.formation.body import BodyConfig
 from workbench.formation.estimate import FILTERS, LONGEST_S, PREDICTIONS, EstimateConfig
 from workbench.formation.output import ACTIONS, LEARN_BY, OUTPUTS
 from workbench.formation.reward import OWN, PRESETS
+from workbench.formation.senses.range_bearing import RangeBearingConfig
 from workbench.formation.senses.table import SENSES
 from workbench.formation.shapes import FormationConfig, check_shape, places, random_reach
 from workbench.learning.config import LearnerConfig
@@ -65,6 +66,9 @@ class ConvoyConfig:
     camera: CameraConfig = part(CameraConfig, "the overhead camera", default=CameraConfig())
     infrared: InfraredConfig = part(
         InfraredConfig, "proximity sensors and what they look at", default=InfraredConfig()
+    )
+    range_bearing: RangeBearingConfig = part(
+        RangeBearingConfig, "the ring of infrared receivers", default=RangeBearingConfig()
     )
     body: BodyConfig = part(
         BodyConfig, "how robots and their link differ from the nominal ones", default=BodyConfig()
@@ -249,11 +253,12 @@ class ConvoyConfig:
         told = self.formation
         if not told.shaped:
             return
-        if self.sensing not in ("truth", "truth-relative"):
+        known = ("truth", "truth-relative", "range-and-bearing")
+        if self.sensing not in known:
             raise ValueError(
                 f"ConvoyConfig.sensing = {self.sensing!r} with formation.frame = "
                 f"{told.relative_to!r}; places are by the leader, whom nobody sees past others: "
-                "expected 'truth', 'truth-relative'"
+                f"expected one of {', '.join(known)}"
             )
         fastest = min(self.robot.most_mps, self.wheel_speed_mps[1])
         if self.actions == "relative":

@@ -563,6 +563,7 @@ class Convoy:
             )
             robots["camera"]["tracked"] = robots["body"]["queue"] = robots["seen"]["heard"] = 0
             robots["estimate"] = np.zeros((), ROBOT["estimate"])
+            robots["board"]["any"] = 0
             self._formations["crumbs"][formation] = 0
             robots["estimate"]["put"] = 1
         for robot, ids in zip(robots[1:], self._trace_ids[formation], strict=True):

@@ -29,6 +29,8 @@ CHILDREN = (
     "slip",
     "silence",
     "places",
+    "board",
+    "messages",
 )
 FLEET = (
     "units",

@@ -85,8 +85,9 @@ def locate(task: Any, one: Any, formation: Any, i: int) -> None:
     leader = robots[0]
     if formation.crumbs == 0:
         _begin(robots, formation, one.trail, shape.path)
-        leader.place.pace = leader.motion.speed
-        leader.place.turn = leader.motion.turn
+        # it stands, and will drive: a place whose direction is that of the first wobble is no place
+        leader.place.pace = task.leader.speed * task.motors.step_m
+        leader.place.turn = 0.0
     leader.place.pace += shape.gain * (leader.motion.speed - leader.place.pace)
     leader.place.turn += shape.gain * (leader.motion.turn - leader.place.turn)
     _drop(robots[0].pose, formation, one.trail)
@@ -247,6 +248,23 @@ def _stand(
     place.ahead_sin = (s * ahead + c * aside) / place.pace
     place.ahead_x = x + task.bounds.middle * place.ahead_cos
     place.ahead_y = y + task.bounds.middle * place.ahead_sin
+
+
+@compiled
+def ahead_of(
+    task: Any, place: Any, leader: Any, x: float, y: float, c: float, s: float
+) -> tuple[float, float]:
+    """Return where the virtual leader of a place is, seen by a robot that sees the leader at x, y
+    with a relative heading of cosine c and sine s.
+
+    Args:
+        leader: the leader's own PLACE, its averaged speed and turning rate.
+    """
+    ahead = max(leader.pace - leader.turn * place.y + place.speed_x, _SLOWEST)
+    aside = leader.turn * place.x + place.speed_y
+    reach = task.bounds.middle / math.sqrt(ahead * ahead + aside * aside)
+    u, v = place.x + reach * ahead, place.y + reach * aside
+    return x + c * u - s * v, y + s * u + c * v
 
 
 @compiled

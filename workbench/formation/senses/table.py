@@ -4,7 +4,7 @@ from typing import Any
 
 from workbench.compiled import chosen
 from workbench.formation import virtual
-from workbench.formation.senses import camera, infrared, truth
+from workbench.formation.senses import camera, infrared, range_bearing, truth
 from workbench.formation.senses.sense import Draw, Sense
 
 _ROWS = (
@@ -22,6 +22,7 @@ _ROWS = (
     ),
     *camera.MODES,
     *infrared.MODES,
+    range_bearing.MODE,
 )
 SENSES = {row.name: row for row in _ROWS}
 # what each mode tells a follower
@@ -64,5 +65,6 @@ def numbers(sensing: str, *, shaped: bool = False) -> dict[str, int]:
     row = SENSES[sensing]
     chosen = {column: getattr(row, column) for column in _COLUMNS}
     if shaped:
-        chosen |= {"locate": virtual.locate, "see": virtual.see}
+        chosen["locate"] = virtual.locate
+        chosen["see"] = row.see if row.places else virtual.see
     return {column: found.index(chosen[column]) for column, found in _COLUMNS.items()}
