@@ -125,6 +125,18 @@ def _rivals(table):
     return table[table["rule"].isin(["greedy-gq", "qrc"])] if rows.empty else table
 
 
+def _f1(table):
+    return _put(table, place_rms_mm=99.0, losses=5.0, contacts=2.0)
+
+
+def _f2(table):
+    return _put(table, place_rms_mm=99.0, losses=5.0, learning_losses=500.0)
+
+
+def _changes(table):
+    return _put(table, changes_with_contact=9.0, changes_with_loss=9.0, median_reform_s=99.0)
+
+
 CONTRADICTING = {
     ("recommended", "E1"): _e1,
     ("stability", "E4"): _e4,
@@ -144,6 +156,10 @@ CONTRADICTING = {
     ("pattern", "E2, E3"): _pattern,
     ("drives", "drives"): _drives,
     ("rivals", "rival learners"): _rivals,
+    ("shapes", "F1"): _f1,
+    ("shapes", "F2"): _f2,
+    ("reform", "F1, changes"): _changes,
+    ("range-bearing", "F1, heard"): lambda table: _put(table, share_in_place=0.5, losses=99.0),
 }
 CLAIMS = [(name, claim) for name, study in STUDIES.items() for claim in study.verdicts]
 

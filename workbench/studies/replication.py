@@ -28,6 +28,9 @@ _NOTEBOOKS = {  # study → where it is shown
     "rivals": "11",
     "calm": "12",
     "drives": "01",
+    "shapes": "16",
+    "reform": "16",
+    "range-bearing": "16",
 }
 _BEGIN = """# Replication card
 
