@@ -201,6 +201,28 @@ def test_random_places_are_learned_at():
     [
         ({"formation": FormationConfig(shape="line", frame="heading", spacing_m=0.05)}, "touch at"),
         (
+            {"formation": FormationConfig(shape="line", frame="heading", spacing_m=0.1)},
+            "clearance_m = 0.12 with places 0.1 m apart; they would part for ever",
+        ),
+        (
+            {"formation": FormationConfig(shape="random", frame="heading", clearance_m=0.05)},
+            "clearance_m = 0.05 with random places; robots touch at 0.07 m",
+        ),
+        (
+            {
+                "formation": FormationConfig(shape="points", points=((-11.0, 0.0),)),
+                "followers": 1,
+            },
+            "a place 11 m back along a path that is remembered for 9.5 m",
+        ),
+        (
+            {
+                "formation": FormationConfig(shape="points", frame="heading", points=((-3, 0),)),
+                "followers": 1,
+            },
+            "a place 0.0265 m aside, 3 m back drives 0.159 m/s",
+        ),
+        (
             {
                 "formation": FormationConfig(
                     shape="points", frame="path", points=((0.2, 0), (-1, 0), (-2, 0), (-3, 0))
@@ -210,7 +232,7 @@ def test_random_places_are_learned_at():
         ),
         (
             {"formation": FormationConfig(shape="line", frame="heading"), "leader_speed_mps": 0.1},
-            r"the outer wheel of a place 0.327 m aside drives 0.133 m/s in curves of 1 m",
+            r"the outer wheel of a place 0.327 m aside, .* drives 0.133 m/s in curves of 1 m",
         ),
         (
             {"formation": FormationConfig(frame="heading"), "sensing": "camera"},
@@ -298,3 +320,69 @@ def test_a_restart_of_the_simulation_begins_in_a_column_and_flows_again():
     assert gaps == pytest.approx(np.full(4, config.middle_m), abs=0.02)
     # nobody is lost sooner than a robot can turn away by 45°, at two wheels' 120 mm/s
     assert np.diff(lost).min() >= math.radians(45) / (0.12 / config.robot.track_m) / 0.1 - 1
+
+
+def test_a_convoy_goes_on_from_its_state_also_after_other_instructions():
+    told = FormationConfig(shape="random", frame="heading", spacing_m=0.15)
+    config = replace(BASE, formation=told)
+    law = wb.LAWS["carrot"]()
+    one, other = (Convoy(config, [1], periods=10**6, policy=law, threads=1) for _ in range(2))
+    one.run_block()
+    one.instruct("wedge")
+    other.load(one.state())
+    assert one.run_block().tobytes() == other.run_block().tobytes()
+    fixed = Convoy(_shaped("wedge"), [1], periods=10**6, policy=law, threads=1)
+    with pytest.raises(ValueError, match="places are drawn in convoys that are made so"):
+        fixed.instruct("random")
+
+
+def test_a_column_that_begins_in_a_curve_is_not_lost_there():
+    circle = wb.TrackConfig(radius_m=1.0, judder="none")
+    for reset in ("restart", "manoeuvre"):
+        config = _shaped("column", followers=8, track=circle, reset=reset)
+        convoy = Convoy(config, [1], periods=2500, policy=wb.LAWS["carrot"](), threads=1)
+        assert not np.any(convoy.whole()["event"] & 1)
+
+
+def test_a_larger_robot_has_a_larger_formation():
+    # its leader steers more coarsely, so that its turning rate is averaged for longer
+    told = FormationConfig(shape="wedge", frame="heading", smooth_s=3.0)
+    config = replace(BASE, formation=told).with_robot(wb.load_robot("large"))
+    growth = wb.load_robot("large").body_radius_m / BASE.robot.body_radius_m
+    assert config.formation.clearance_m == pytest.approx(0.12 * growth)
+    assert config.range_bearing.range_m == pytest.approx(0.8 * growth)
+    summary = wb.evaluate(wb.LAWS["carrot"](), config, minutes=8, progress=False).summary
+    assert summary["losses"] == summary["collisions"] == 0
+
+
+def test_a_leader_that_goes_back_and_forth_keeps_its_followers_by_its_path():
+    config = _shaped("wedge", "path")
+    convoy = Convoy(config, [1], periods=10**6, policy=wb.LAWS["carrot"](), external=0, threads=1)
+    before, jumps = None, []
+    for t, speed in enumerate([400] * 300 + [-300] * 60 + [400] * 200):
+        convoy.period(t)
+        convoy.command(0, speed, speed, t)
+        convoy.world.step()
+        place = convoy.robots["place"][0, 1:]
+        d = config.middle_m
+        here = np.stack(
+            [
+                place["ahead_x"] - d * place["ahead_cos"],
+                place["ahead_y"] - d * place["ahead_sin"],
+            ]
+        )
+        if before is not None:
+            jumps.append(np.hypot(*(here - before)).max())
+        before = here
+    assert max(jumps[1:]) < 0.02
+
+
+def test_contacts_of_info_are_with_anybody():
+    env = wb.ConvoyEnv(_shaped("wedge"), seconds=60)
+    env.reset(seed=1)
+    x, y, heading = env.convoy.world.pose(0, 1)
+    env.convoy.world.place(0, 4, x + 0.03, y, heading)
+    middle = int(env.config.action_count // 2)
+    _, _, _, _, told = env.step(dict.fromkeys(env.agents, middle))
+    assert told["follower_1"]["contact"] and told["follower_4"]["contact"]
+    assert not told["follower_3"]["contact"]

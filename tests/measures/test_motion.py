@@ -220,7 +220,7 @@ def test_a_recording_is_a_motion_whatever_the_order_of_its_lines():
         ),
         (
             lambda: follow(CarrotPI(), PLANAR, minutes=0),
-            "minutes = 0; expected simulated minutes above 0",
+            "minutes = 0; expected simulated minutes, from a control period",
         ),
         (lambda: follow(CarrotPI(), PLANAR, minutes=float("nan")), "minutes = nan"),
         (

@@ -50,6 +50,19 @@ OUTSIDE = re.compile(
 )  # a page asks the network for something: nothing that we need
 
 
+def _redrawn_ms(page, number, key):
+    """Return how long after a key on its slider a panel shows another picture."""
+    begun = time.perf_counter()
+    before = page.locator("img.widget-image").nth(number).get_attribute("src")
+    page.keyboard.press(key)
+    page.wait_for_function(
+        "([number, before]) => document.querySelectorAll('img.widget-image')[number].src != before",
+        arg=[number, before],
+        timeout=20_000,
+    )
+    return 1000 * (time.perf_counter() - begun)
+
+
 @contextlib.contextmanager
 def _page(width=1100, height=1400):
     from playwright.sync_api import sync_playwright
@@ -304,6 +317,10 @@ def test_the_first_notebook_in_a_real_jupyterlab(lab, capsys):
                 "a slider changing its picture",
             )
             page.screenshot(path=SHOTS / f"3_panel_{number}.png")
+            # its other values are drawn in the pause, so that sliding shows what is there
+            page.wait_for_timeout(3000)
+            took = [_redrawn_ms(page, number, key) for key in ("ArrowRight", "ArrowLeft")]
+            print(f"panel {number}: redrawn {min(took):.0f} ms after a key (drawn ahead)")
 
         # a reloaded page finds its arenas again, with what was shown, and they go on
         page.keyboard.press("Control+s")

@@ -200,19 +200,22 @@ class Formations:
 
     def truth(self) -> dict[str, NDArray[Any]]:
         """Return what is so, whatever the senses say, (B, followers) each: distance in m and
-        bearing in rad of the robot in front, whether it was lost by the last action, whether the
-        two touch.
+        bearing in rad of the robot that is followed (with a shape: the leader), whether it was lost
+        by the last action, whether any robot is touched.
         """
         pose = self.convoy.robots["pose"]
-        dx, dy = (pose[name][:, :-1] - pose[name][:, 1:] for name in ("x", "y"))
+        ahead = self.convoy.robots["ahead"][0, 1:]
+        dx, dy = (pose[name][:, ahead] - pose[name][:, 1:] for name in ("x", "y"))
         distance = np.hypot(dx, dy)
+        x, y = (pose[name][:, :, None] - pose[name][:, None] for name in ("x", "y"))
+        apart = np.hypot(x, y) + np.where(np.eye(pose.shape[1]), np.inf, 0.0)
         cos, sin = pose["cos"][:, 1:], pose["sin"][:, 1:]
         touch = 2 * self.config.robot.body_radius_m
         return {
             "distance_m": distance,
             "bearing_rad": np.arctan2(dy * cos - dx * sin, dx * cos + dy * sin),
             "lost": self._lost.copy(),
-            "contact": distance < touch,
+            "contact": apart[:, 1:].min(axis=2) < touch,
         }
 
     def act(

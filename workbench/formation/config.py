@@ -266,6 +266,12 @@ class ConvoyConfig:
         found = places(told.shape, self.followers, self.spacing_m, told.points)
         if told.shape == "random":
             found = np.array([random_reach(self.followers, self.spacing_m)]) * [-1.0, 1.0]
+        reach = float(np.linalg.norm(found, axis=1).max())
+        if self.sensing == "range-and-bearing" and reach > self.range_bearing.range_m:
+            raise ValueError(
+                f"RangeBearingConfig.range_m = {self.range_bearing.range_m!r} with a place "
+                f"{reach:.3g} m from the leader; expected more than that, or a smaller shape"
+            )
         check_shape(
             told,
             found,
@@ -490,6 +496,12 @@ class ConvoyConfig:
             ),
             leader_speed_mps=pace * self.leader_speed_mps,
             wheel_speed_mps=_times(pace, self.wheel_speed_mps),
+            formation=self.formation.scaled(size, pace),
+            range_bearing=replace(
+                self.range_bearing,
+                range_m=size * self.range_bearing.range_m,
+                noise_range_m=size * self.range_bearing.noise_range_m,
+            ),
         )
 
     def with_seed(self, seed: int) -> "ConvoyConfig":

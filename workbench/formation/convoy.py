@@ -174,6 +174,11 @@ class Convoy:
                 f"formation.frame = {frame!r}; followers of the robot in front keep no places: "
                 "expected 'heading' or 'path'"
             )
+        if shape == "random" and not self.task["shape"]["width"][0]:
+            raise ValueError(
+                "shape = 'random'; places are drawn in convoys that are made so: expected "
+                "ConvoyConfig.formation.shape = 'random' from the start"
+            )
         told = replace(self.config.formation, shape=shape, points=_pairs(points), frame=frame)
         config = replace(self.config, formation=told)
         goals = places(shape, config.followers, config.spacing_m, points)
@@ -598,6 +603,7 @@ class Convoy:
             "robots": self.robots.copy(),
             "formations": self._formations.copy(),
             "trail": self._trail.copy(),
+            "hold": self.task["shape"]["hold"].copy(),
             "weights": self.weights.copy(),
             "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
             "trace_values": self._trace_values[:, :, :1].copy(),
@@ -627,6 +633,7 @@ class Convoy:
         self.robots[:] = state["robots"]
         self._formations[:] = state["formations"]
         self._trail[:] = state["trail"]
+        self.task["shape"]["hold"] = state["hold"]
         self.weights[:] = state["weights"]
         self._trace_ids[:, :, :2] = state["trace_ids"]
         self._trace_values[:, :, :1] = state["trace_values"]

@@ -9,7 +9,8 @@ What a place is relative to (``frame``):
     predecessor  the robot in front: the paper's worm; the column is its only shape
     heading      the leader, by its heading of this moment; a leader that judders swings far places
     path         the leader's trail: a place back along it, and to the side of it
-    auto         a column: predecessor; shapes with a place beside the leader: heading; others: path
+    auto         a column: predecessor; shapes with places less than a window behind the leader
+                 (line, circle): heading; others: path
 
 ``random`` is for learning: places are drawn anew again and again, so that one table serves every
 shape. Names as in Balch & Arkin (IEEE T-RA 14(6), 926, 1998).
@@ -21,6 +22,7 @@ Contract: x points forward, y to the left; metres; the leader stands at (0, 0).
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +31,7 @@ from workbench.fields import choice, configuration, pairs, real
 from workbench.formation.assignment import ASSIGNMENTS
 
 Floats = NDArray[np.float64]
+TRAIL_M = 9.5  # of its path that a leader's trail holds
 SHAPES = ("column", "line", "wedge", "diamond", "circle", "points", "random")
 FRAMES = ("auto", "predecessor", "heading", "path")
 
@@ -96,8 +99,22 @@ class FormationConfig:
             return self.frame
         if self.shape == "column":
             return "predecessor"
-        beside = any(x > -self.window_m / 2 for x, _ in self.points)
-        return "heading" if beside or self.shape in ("line", "random") else "path"
+        beside = any(x > -self.window_m for x, _ in self.points)
+        near = 0.0 < self.spacing_m < self.window_m  # of the first row, to the leader
+        wide = self.shape in ("line", "random", "circle")
+        return "heading" if beside or near or wide else "path"
+
+    def scaled(self, size: float, pace: float) -> "FormationConfig":
+        """Return the same formation with lengths and speeds times these factors."""
+        return replace(
+            self,
+            spacing_m=size * self.spacing_m,
+            points=tuple((size * x, size * y) for x, y in self.points),
+            window_m=size * self.window_m,
+            clearance_m=size * self.clearance_m,
+            place_speed_mps=pace * self.place_speed_mps,
+            place_acceleration_mps2=pace * self.place_acceleration_mps2,
+        )
 
     @property
     def shaped(self) -> bool:
@@ -162,6 +179,44 @@ def _lattice(followers: int) -> Floats:
     return np.array(points[:followers], dtype=np.float64) - [size, 0]
 
 
+def _check_room(config: FormationConfig, found: Floats, touch: float) -> None:
+    """Refuse places that are too near each other, or the leader; ``touch`` in m."""
+    everybody = np.vstack([[0.0, 0.0], found])
+    apart = np.linalg.norm(everybody[:, None] - everybody[None], axis=-1)
+    apart[np.diag_indices_from(apart)] = math.inf
+    if apart.min() <= touch:
+        i, j = np.unravel_index(int(apart.argmin()), apart.shape)
+        raise ValueError(
+            f"formation: robots {i} and {j} are {apart.min():.3g} m apart, and touch at "
+            f"{touch:.3g} m: expected a larger spacing_m, or other points"
+        )
+    if apart.min() < config.clearance_m - 1e-9 and config.shape != "random":
+        raise ValueError(
+            f"FormationConfig.clearance_m = {config.clearance_m!r} with places {apart.min():.3g} m "
+            "apart; they would part for ever: expected a smaller clearance_m, or a larger spacing_m"
+        )
+    if config.shape == "random" and config.clearance_m <= touch:
+        raise ValueError(
+            f"FormationConfig.clearance_m = {config.clearance_m!r} with random places; robots "
+            f"touch at {touch:.3g} m: expected more than that"
+        )
+
+
+def _check_path(config: FormationConfig, found: Floats, depth: float) -> None:
+    """Refuse places where the leader has no path; depth of the last in m."""
+    if config.relative_to == "path" and depth > TRAIL_M:
+        raise ValueError(
+            f"formation: a place {depth:.3g} m back along a path that is remembered for "
+            f"{TRAIL_M:.3g} m: expected smaller shapes, or frame = 'heading'"
+        )
+    if config.relative_to == "path" and found[:, 0].max() > 1e-9:
+        raise ValueError(
+            f"formation: a place {found[:, 0].max():.3g} m ahead of the leader with frame = "
+            "'path'; there is no path yet: expected places at its side or behind, or frame = "
+            "'heading'"
+        )
+
+
 def check_shape(
     config: "FormationConfig",
     found: Floats,
@@ -184,22 +239,9 @@ def check_shape(
     Raises:
         ValueError: what is too near, too fast or ahead of the leader, and what would do.
     """
-    everybody = np.vstack([[0.0, 0.0], found])
-    apart = np.linalg.norm(everybody[:, None] - everybody[None], axis=-1)
-    apart[np.diag_indices_from(apart)] = math.inf
-    touch = 2 * body_radius_m
-    if apart.min() <= touch:
-        i, j = np.unravel_index(int(apart.argmin()), apart.shape)
-        raise ValueError(
-            f"formation: robots {i} and {j} are {apart.min():.3g} m apart, and touch at "
-            f"{touch:.3g} m: expected a larger spacing_m, or other points"
-        )
-    if config.relative_to == "path" and found[:, 0].max() > 1e-9:
-        raise ValueError(
-            f"formation: a place {found[:, 0].max():.3g} m ahead of the leader with frame = "
-            "'path'; there is no path yet: expected places at its side or behind, or frame = "
-            "'heading'"
-        )
+    _check_room(config, found, 2 * body_radius_m)
+    depth = max(float(-found[:, 0].min()), 0.0)
+    _check_path(config, found, depth)
     aside = float(np.abs(found[:, 1]).max())
     if aside >= radius_m:
         raise ValueError(
@@ -210,10 +252,13 @@ def check_shape(
     # on the outside of the tightest curve, with the outer wheel
     reach = aside + track_m / 2
     needed = leader_mps * (1 + reach / radius_m)
+    if config.relative_to == "heading":  # deep places swing out
+        needed = leader_mps * math.hypot(1 + reach / radius_m, depth / radius_m)
     if needed > fastest_mps:
         room = reach * leader_mps / max(fastest_mps - leader_mps, 1e-9)
         raise ValueError(
-            f"formation: the outer wheel of a place {reach:.3g} m aside drives {needed:.3g} m/s in "
-            f"curves of {radius_m:.3g} m, and does {fastest_mps:.3g}: expected wheel_speed_mps up "
-            f"to {needed:.2g}, a slower leader_speed_mps, or track.radius_m from {room:.3g} m on"
+            f"formation: the outer wheel of a place {reach:.3g} m aside, {depth:.3g} m back "
+            f"drives {needed:.3g} m/s in curves of {radius_m:.3g} m, and does {fastest_mps:.3g}: "
+            f"expected wheel_speed_mps up to {needed:.2g}, a slower leader_speed_mps, or "
+            f"track.radius_m from {room:.3g} m on"
         )

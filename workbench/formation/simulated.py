@@ -314,6 +314,8 @@ class SimulatedRobot(Robot):
         only.
         """
         x, y, heading = self.pose()
-        ahead_x, ahead_y, _ = self.convoy.world.pose(0, self.robot - 1)
+        ahead_x, ahead_y, _ = self.convoy.world.pose(
+            0, int(self.convoy.robots["ahead"][0, self.robot])
+        )
         distance, bearing = observe(x, y, math.cos(heading), math.sin(heading), ahead_x, ahead_y)
         return float(distance), float(bearing)

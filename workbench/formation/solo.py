@@ -57,6 +57,28 @@ def _learn(task: Any, follower: Any, memory: Any) -> bool:
     return kernel.learn(task[0], follower[0], memory)
 
 
+def _check_alone(config: ConvoyConfig, policy: Policy | None, steps: int) -> None:
+    """Refuse what no follower alone can do."""
+    if steps < 0:
+        raise ValueError(
+            f"steps = {steps!r}; expected 0 to follow greedily, or a number of learning updates"
+        )
+    if policy is None and not steps:
+        raise ValueError("a follower without a policy has to learn; give policy= or steps=")
+    if config.formation.shaped:
+        raise ValueError(
+            f"ConvoyConfig.formation.frame = {config.formation.relative_to!r}; a robot alone "
+            "is not told its leader's speed and turning rate: expected 'predecessor'"
+        )
+    if policy is not None:
+        policy.check(config)
+    if steps and config.reward == OWN:
+        raise ValueError(
+            f"ConvoyConfig.reward = {OWN!r} with steps = {steps!r}; a function can only "
+            "be given to learn()"
+        )
+
+
 class SoloFollower:
     """A follower outside a convoy.
 
@@ -76,19 +98,7 @@ class SoloFollower:
     def __init__(
         self, config: ConvoyConfig, policy: Policy | None = None, *, steps: int = 0
     ) -> None:
-        if steps < 0:
-            raise ValueError(
-                f"steps = {steps!r}; expected 0 to follow greedily, or a number of learning updates"
-            )
-        if policy is None and not steps:
-            raise ValueError("a follower without a policy has to learn; give policy= or steps=")
-        if policy is not None:
-            policy.check(config)
-        if steps and config.reward == OWN:
-            raise ValueError(
-                f"ConvoyConfig.reward = {OWN!r} with steps = {steps!r}; a function can only "
-                "be given to learn()"
-            )
+        _check_alone(config, policy, steps)
         self.config = config
         self.steps = steps
         self.updates = 0

@@ -20,6 +20,10 @@ Places that move (``flow``) go straight to their goals, at most at the place's s
 acceleration, slow down within a second of them, and part where they come nearer than the clearance,
 always past each other on the same side. So a formation changes its shape in motion.
 
+A place less than a window behind the leader has the direction of the path a window behind it, as
+there is none yet; beside the leader such places lag in curves. A leader that goes back takes its
+trail up again.
+
 Contract: as of ``control``: records are written in place, nothing is allocated. A formation whose
 trail is empty begins anew: its places are where its robots are.
 """
@@ -36,6 +40,7 @@ from workbench.robot.geometry import CONTROL_PERIOD
 
 CRUMBS = 2048  # of a trail
 CRUMB_M = 0.005  # between them
+BEHIND_M = 10.0  # straight on, behind the last robot of a formation that begins
 
 PLACE = np.dtype(  # m and m/s in the leader's frame, or along and beside its path; and what of it
     [
@@ -87,7 +92,7 @@ def locate(task: Any, one: Any, formation: Any, i: int) -> None:
         _begin(robots, formation, one.trail, shape.path)
         # it stands, and will drive: a place whose direction is that of the first wobble is no place
         leader.place.pace = task.leader.speed * task.motors.step_m
-        leader.place.turn = 0.0
+        leader.place.turn = leader.place.pace * _curvature(robots)
     leader.place.pace += shape.gain * (leader.motion.speed - leader.place.pace)
     leader.place.turn += shape.gain * (leader.motion.turn - leader.place.turn)
     _drop(robots[0].pose, formation, one.trail)
@@ -119,9 +124,25 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
 
 
 @compiled
+def _curvature(robots: Any) -> float:
+    """Return how the line of a formation bends that stands behind its leader, 1/m; 0 for one
+    follower, whom chance puts anywhere.
+    """
+    if robots.size < 3:
+        return 0.0
+    leader, last = robots[0].pose, robots[robots.size - 1].pose
+    dx, dy = leader.x - last.x, leader.y - last.y
+    turned = math.atan2(leader.sin * dx - leader.cos * dy, leader.cos * dx + leader.sin * dy)
+    return 2.0 * turned / max(math.hypot(dx, dy), 1e-6)
+
+
+@compiled
 def _begin(robots: Any, formation: Any, trail: Any, path: int) -> None:
     """Lay a trail from the last robot to the leader, and take places where robots are."""
     along = 0.0
+    last = robots[robots.size - 1].pose
+    x, y = last.x - BEHIND_M * last.cos, last.y - BEHIND_M * last.sin
+    _keep(formation, trail, x, y, -BEHIND_M)
     for i in range(robots.size - 1, -1, -1):
         pose = robots[i].pose
         if i < robots.size - 1:
@@ -157,8 +178,9 @@ def _keep(formation: Any, trail: Any, x: float, y: float, along: float) -> None:
 def _drop(pose: Any, formation: Any, trail: Any) -> None:
     """Leave a crumb where the leader is, once it has come far enough."""
     last = (formation.crumbs - 1) % trail.shape[0]
-    far = math.hypot(pose.x - trail[last, 0], pose.y - trail[last, 1])
-    if far >= CRUMB_M:
+    dx, dy = pose.x - trail[last, 0], pose.y - trail[last, 1]
+    far = math.hypot(dx, dy)
+    if far >= CRUMB_M and pose.cos * dx + pose.sin * dy > 0.0:
         _keep(formation, trail, pose.x, pose.y, trail[last, 2] + far)
 
 
@@ -190,13 +212,17 @@ def _at(formation: Any, trail: Any, along: float) -> tuple[float, float]:
 def _on_path(task: Any, leader: Any, place: Any, formation: Any, trail: Any) -> None:
     """Find the virtual leader of a place along the leader's path."""
     window = task.shape.window
-    end = trail[(formation.crumbs - 1) % trail.shape[0], 2]
-    end += math.hypot(
-        leader.pose.x - trail[(formation.crumbs - 1) % trail.shape[0], 0],
-        leader.pose.y - trail[(formation.crumbs - 1) % trail.shape[0], 1],
-    )
+    last = (formation.crumbs - 1) % trail.shape[0]
+    pose = leader.pose
+    # in front of the last crumb, or behind it where the leader has gone back
+    beyond = pose.cos * (pose.x - trail[last, 0]) + pose.sin * (pose.y - trail[last, 1])
+    end = trail[last, 2] + beyond
     s = end + place.x
     x, y = _at(formation, trail, s)
+    if s > trail[last, 2] and beyond > 0.0:  # between the last crumb and the leader
+        part = (s - trail[last, 2]) / beyond
+        x += part * (pose.x - x)
+        y += part * (pose.y - y)
     # beside the leader the chord ends where the path does
     middle = min(s, end - window)
     mx, my = _at(formation, trail, middle)
@@ -252,16 +278,16 @@ def _stand(
 
 @compiled
 def ahead_of(
-    task: Any, place: Any, leader: Any, x: float, y: float, c: float, s: float
+    task: Any, place: Any, pace: float, turn: float, x: float, y: float, c: float, s: float
 ) -> tuple[float, float]:
     """Return where the virtual leader of a place is, seen by a robot that sees the leader at x, y
     with a relative heading of cosine c and sine s.
 
     Args:
-        leader: the leader's own PLACE, its averaged speed and turning rate.
+        pace, turn: the leader's averaged speed and turning rate.
     """
-    ahead = max(leader.pace - leader.turn * place.y + place.speed_x, _SLOWEST)
-    aside = leader.turn * place.x + place.speed_y
+    ahead = max(pace - turn * place.y + place.speed_x, _SLOWEST)
+    aside = turn * place.x + place.speed_y
     reach = task.bounds.middle / math.sqrt(ahead * ahead + aside * aside)
     u, v = place.x + reach * ahead, place.y + reach * aside
     return x + c * u - s * v, y + s * u + c * v

@@ -3,7 +3,8 @@
     place_rms_mm       RMS distance of followers from their places
     share_in_place     of the time, within one body radius of its place, all followers
     out_of_formation   share of the time in which anybody is farther out (Balch & Arkin 1998)
-    shape_rms_mm       RMS after the best shift and rotation (Procrustes): the shape, wherever it is
+    shape_rms_mm       RMS after the best shift and rotation (Procrustes): the rigid shape, wherever
+                       it is; along a path shapes bend in curves, by their frame
     contacts           times that two bodies came to touch
     reform_s           until all are within 20 mm of their final places for good, NaN if never
 

@@ -31,8 +31,10 @@ def draw_formation(
             the line from its place to it.
         reach_m: half the width of what is shown; 0: what the robots need.
     """
-    ax = ax or new_axes(4.4, 4.4)
     config = convoy.config
+    if not config.formation.shaped:
+        raise ValueError("convoy keeps no places; expected ConvoyConfig.formation with a shape")
+    ax = ax or new_axes(4.4, 4.4)
     radius = config.robot.body_radius_m
     ways = motion.position[-TRAIL:]
     for i in range(ways.shape[1]):

@@ -146,6 +146,8 @@ def carried_over(table: pd.DataFrame) -> Verdict:
     bad = worm.groupby("seed")["losses"].sum()
     clean, n = int((bad == 0).sum()), int(bad.size)
     better = relative.groupby("shape")["place_rms_mm"].median().max()
+    whole = relative.groupby("seed")["share_in_place"].min()
+    kept, runs = int((whole >= BAR_SHARE).sum()), int(whole.size)
     learning = table[(table["who"] == RELATIVE) & table["shape"].isna()]["learning_losses"].median()
     return Verdict(
         "F2",
@@ -154,13 +156,14 @@ def carried_over(table: pd.DataFrame) -> Verdict:
         ruling(
             bool(median <= BAR_WORM_MM),
             clean == n,
-            bool(better <= BAR_RELATIVE_MM and learning <= BAR_LEARNING),
+            bool(better <= BAR_RELATIVE_MM and learning <= BAR_LEARNING and kept == runs),
         ),
         f"worm: {median:.1f} mm in the median of the worst shape, {clean} of {n} policies lose "
-        f"nobody in 60 robot-minutes of each shape; relative: {better:.1f} mm, {learning:.0f} "
-        "losses while learning (median)",
+        f"nobody in 60 robot-minutes of each shape; relative: {better:.1f} mm, {kept} of {runs} "
+        f"keep everybody in place, {learning:.0f} losses while learning (medians)",
         f"a shape above {BAR_WORM_MM:g} mm; a policy that loses somebody, relative actions above "
-        f"{BAR_RELATIVE_MM:g} mm or {BAR_LEARNING} losses while learning leave it at mostly",
+        f"{BAR_RELATIVE_MM:g} mm, {BAR_LEARNING} losses while learning, or with somebody out of "
+        "place leave it at mostly",
     )
 
 

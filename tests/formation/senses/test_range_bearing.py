@@ -60,7 +60,7 @@ def test_without_errors_the_virtual_leader_is_the_truth_s():
 
 
 def test_odometry_carries_on_where_messages_are_lost():
-    told = replace(EXACT, message_loss=0.9)
+    told = replace(EXACT, message_loss=0.5)
     convoy, steps = _convoy(replace(WEDGE, range_bearing=told))
     assert not np.any(steps["event"][200:, 1:] & 1)
     wrong = replace(told, odometry_error=0.3)
@@ -77,10 +77,12 @@ def test_a_filter_saves_what_noise_loses():
 
 
 def test_what_is_too_far_is_not_heard():
-    near = replace(EXACT, range_m=0.16)
-    convoy, steps = _convoy(replace(WEDGE, range_bearing=near))
-    assert np.any(steps["event"][:, 1:] & 1)
-    assert convoy.robots["seen"]["distance"][0, 1:].max() > 0.2
+    near = replace(EXACT, range_m=0.1)
+    convoy, steps = _convoy(replace(BASE, range_bearing=near))
+    assert np.all(convoy.robots["board"]["any"][0, 1:] == 0)
+    assert np.all(steps["state"][:, 1:] < 0)  # nobody has ever followed
+    with pytest.raises(ValueError, match=r"range_m = 0.1 with a place 0.424 m from the leader"):
+        replace(WEDGE, range_bearing=near)
 
 
 def test_every_robot_s_receivers_are_its_own_and_stay():

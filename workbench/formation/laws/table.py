@@ -15,8 +15,8 @@ own tiles and actions.
 Traceback (most recent call last):
     ...
 ValueError: law 'l-psi' needs the predecessor's heading, speed, turning rate, which sensing =
-'truth-relative' does not give (it gives: distance, bearing, odometry); use sensing = 'truth', or
-a law that needs less: carrot, pursuit, path
+'truth-relative' does not give (it gives: distance, bearing, odometry); use sensing = 'truth' or
+'range-and-bearing', or a law that needs less: carrot, pursuit, path
 
 Default gains are our choice: plain values with time constants of a quarter of a second to a second,
 not optimised on any study's tracks. A law of one's own is a file beside this one and a row here.

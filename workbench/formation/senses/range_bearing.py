@@ -37,6 +37,10 @@ BOARD = np.dtype(  # of the sender in the robot's own frame: m, rad; what is wro
         ("x", "f8"),
         ("y", "f8"),
         ("heading", "f8"),
+        ("speed", "f8"),  # of the sender, and averaged, as the last message had them: m/s, rad/s
+        ("turn", "f8"),
+        ("pace", "f8"),
+        ("bend", "f8"),
         ("bias", "f8", (SECTORS,)),  # rad, of every receiver
         ("odometry", "f8", (2,)),  # factors on its own speed and turning rate
     ]
@@ -89,7 +93,7 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     distance = math.sqrt(dx * dx + dy * dy)
     heard = distance <= task.board.range and chance.message >= task.board.loss
     heard = heard and robot.seen.silent == 0
-    _move_on(robot, sender)
+    _move_on(robot)
     board.count += 1
     if heard and (board.any == 0 or board.count % task.board.every == 0):
         _hear(task, robot, sender, distance, chance.board)
@@ -100,26 +104,26 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     c, s = math.cos(board.heading), math.sin(board.heading)
     x, y = board.x, board.y
     if task.shape.any:
-        x, y = virtual.ahead_of(task, robot.place, sender.place, x, y, c, s)
+        x, y = virtual.ahead_of(task, robot.place, board.pace, board.bend, x, y, c, s)
     robot.seen.distance = math.sqrt(x * x + y * y)
     robot.seen.bearing = math.atan2(y, x)
 
 
 @compiled
-def _move_on(robot: Any, sender: Any) -> None:
+def _move_on(robot: Any) -> None:
     """Move the estimate of the sender on by a control period."""
     board = robot.board
     if board.any == 0:
         return
     went = robot.motion.speed * board.odometry[0] * CONTROL_PERIOD
     turned = robot.motion.turn * board.odometry[1] * CONTROL_PERIOD
-    its = sender.motion.speed * CONTROL_PERIOD
+    its = board.speed * CONTROL_PERIOD
     x = board.x + its * math.cos(board.heading) - went
     y = board.y + its * math.sin(board.heading)
     c, s = math.cos(turned), math.sin(turned)
     board.x = c * x + s * y
     board.y = c * y - s * x
-    board.heading = wrap(board.heading + sender.motion.turn * CONTROL_PERIOD - turned)
+    board.heading = wrap(board.heading + board.turn * CONTROL_PERIOD - turned)
 
 
 @compiled
@@ -131,6 +135,8 @@ def _hear(task: Any, robot: Any, sender: Any, distance: float, normal: Any) -> N
     its = _bearing(task, sender, robot, normal[2])
     x, y = range_m * math.cos(mine), range_m * math.sin(mine)
     heading = wrap(mine - its + math.pi)
+    board.speed, board.turn = sender.motion.speed, sender.motion.turn
+    board.pace, board.bend = sender.place.pace, sender.place.turn
     if board.any == 0:
         board.any = 1
         board.x, board.y, board.heading = x, y, heading
