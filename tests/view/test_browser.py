@@ -50,17 +50,23 @@ OUTSIDE = re.compile(
 )  # a page asks the network for something: nothing that we need
 
 
+WATCH = """number => {
+  window.began = window.redrawn = null;
+  document.addEventListener("keydown", () => { window.began = performance.now(); },
+                            { capture: true, once: true });
+  new MutationObserver((_, self) => { window.redrawn = performance.now(); self.disconnect(); })
+    .observe(document.querySelectorAll("img.widget-image")[number], { attributeFilter: ["src"] });
+}"""
+
+
 def _redrawn_ms(page, number, key):
-    """Return how long after a key on its slider a panel shows another picture."""
-    begun = time.perf_counter()
-    before = page.locator("img.widget-image").nth(number).get_attribute("src")
+    """Return how long after a key on its slider a panel has another picture, by the page's own
+    clock.
+    """
+    page.evaluate(WATCH, number)
     page.keyboard.press(key)
-    page.wait_for_function(
-        "([number, before]) => document.querySelectorAll('img.widget-image')[number].src != before",
-        arg=[number, before],
-        timeout=20_000,
-    )
-    return 1000 * (time.perf_counter() - begun)
+    page.wait_for_function("window.redrawn !== null", timeout=20_000)
+    return page.evaluate("window.redrawn - window.began")
 
 
 @contextlib.contextmanager
