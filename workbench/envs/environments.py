@@ -79,8 +79,33 @@ def _alone(config: ConvoyConfig) -> ConvoyConfig:
     return replace(config, followers=1) if isinstance(config, ConvoyConfig) else config
 
 
+class _Shown:
+    """An environment of one formation that can be looked at."""
+
+    render_mode: str | None
+    _core: Formations
+    _window: Window
+
+    @property
+    def convoy(self) -> Convoy:
+        """The formation, open to every use."""
+        return self._core.convoy
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture of the arena, (240, 320, 3), with render_mode "rgb_array"."""
+        return picture(self.convoy.world) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._window.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self._window.show(picture(self.convoy.world))
+
+
 @_with_options
-class FollowEnv(gymnasium.Env[Any, Any]):
+class FollowEnv(_Shown, gymnasium.Env[Any, Any]):
     """One follower behind the leader, as a gymnasium environment; of a configuration's followers
     only the first is there.
     """
@@ -106,11 +131,6 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._core.observation_space
         self.action_space = self._core.action_space
 
-    @property
-    def convoy(self) -> Convoy:
-        """The formation, open to every use."""
-        return self._core.convoy
-
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -132,18 +152,6 @@ class FollowEnv(gymnasium.Env[Any, Any]):
         self._over = terminated or truncated
         self._show()
         return self._see(), float(reward[0, 0]), terminated, truncated, self._told()
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the arena, (240, 320, 3), with render_mode "rgb_array"."""
-        return picture(self.convoy.world) if self.render_mode == "rgb_array" else None
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        self._window.close()
-
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self._window.show(picture(self.convoy.world))
 
     def _told(self) -> dict[str, Any]:
         return {name: each[0, 0].item() for name, each in self._core.truth().items()}
@@ -254,7 +262,7 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
 
 
 @_with_options
-class ConvoyEnv(ParallelEnv[str, Any, Any]):
+class ConvoyEnv(_Shown, ParallelEnv[str, Any, Any]):
     """All followers of one formation, each an agent that follows the one in front, as a pettingzoo
     parallel environment.
 
@@ -289,11 +297,6 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
         other = self._core.action_space
         self.observation_spaces = {agent: _copy(one) for agent in self.possible_agents}
         self.action_spaces = {agent: _copy(other) for agent in self.possible_agents}
-
-    @property
-    def convoy(self) -> Convoy:
-        """The formation, open to every use."""
-        return self._core.convoy
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of an agent's observations."""
@@ -342,18 +345,6 @@ class ConvoyEnv(ParallelEnv[str, Any, Any]):
             self.agents = []
         self._show()
         return seen, rewards, terminated, truncated, self._told()
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the arena, (240, 320, 3), with render_mode "rgb_array"."""
-        return picture(self.convoy.world) if self.render_mode == "rgb_array" else None
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        self._window.close()
-
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self._window.show(picture(self.convoy.world))
 
     def _told(self) -> dict[str, dict[str, Any]]:
         told = self._core.truth()

@@ -8,7 +8,7 @@ README can hold it.
 """
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,20 @@ def animated_png(
     images = [
         Image.fromarray(pixels) for pixels in pictures(scene, range(first, last, every), **view)
     ]
-    palette = _palette(np.asarray(images[0]).reshape(-1, 3))
+    return animated(images, round(1000 * every * CONTROL_PERIOD))
+
+
+def animated(
+    images: Sequence[Image.Image], stands_ms: int | Sequence[int], *, samples: int = 1
+) -> bytes:
+    """Return an animated PNG of pictures of one size, which repeats for ever.
+
+    Args:
+        stands_ms: how long a picture stands, or each of them.
+        samples: of how many pictures, spread over all, the colours are taken.
+    """
+    chosen = [images[k] for k in np.linspace(0, len(images) - 1, samples).astype(int)]
+    palette = _palette(np.concatenate([np.asarray(one).reshape(-1, 3) for one in chosen]))
     small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     buffer = io.BytesIO()
     small[0].save(
@@ -70,7 +83,7 @@ def animated_png(
         format="PNG",
         save_all=True,
         append_images=small[1:],
-        duration=round(1000 * every * CONTROL_PERIOD),
+        duration=stands_ms if isinstance(stands_ms, int) else list(stands_ms),
         loop=0,
     )
     return buffer.getvalue()

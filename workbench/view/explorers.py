@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 from numpy.typing import NDArray
 
-from workbench.formation.config import ConvoyConfig
+from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.policy import Policy
 from workbench.lab.records import SUMS, Recorder
@@ -38,16 +38,6 @@ from workbench.robot.infrared import (
     saturate,
 )
 from workbench.robot.inversion import inversion_table, invert
-
-SIGHT = ConvoyConfig(
-    sensing="ir-metric",
-    distance_m=(0.08, 0.13),
-    bearing_limit_rad=math.radians(25),
-    leader_speed_mps=0.05,
-    distance_tiling="logarithmic",
-    bearing_tiling="logarithmic",
-    inner_distance_m=0.002,
-)
 
 
 def tile_explorer(
@@ -163,7 +153,7 @@ def infrared_explorer(
         route: "ir-metric" or "ir-raw".
     """
     infrared = InfraredConfig(brightness=reflectance, ambient_counts=ambient)
-    config = replace(SIGHT, sensing=route)
+    config = replace(SETTINGS["infrared"], sensing=route)
     distance = distance_mm / 1000
     bearing = math.radians(bearing_deg)
     readings, room = _front(distance, bearing, infrared)

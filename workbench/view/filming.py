@@ -24,6 +24,7 @@ from PIL import Image
 
 from workbench.lab.storage import write_bytes
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.view.animation import animated
 
 WIDTH = 744  # pixels of the arena
 FRAMES_PER_S = 6  # about
@@ -119,7 +120,7 @@ def film(path: str | Path) -> int:
             page.wait_for_function("document.querySelectorAll('.wba').length == 2", timeout=120_000)
             shots = _play(page)
         browser.close()
-    write_bytes(Path(path), _animated(shots))
+    write_bytes(Path(path), _film(shots))
     return len(shots)
 
 
@@ -144,30 +145,12 @@ def _play(page: Any) -> list[Shot]:
     return shots
 
 
-def _animated(shots: list[Shot]) -> bytes:
-    """Return an animated PNG of pictures."""
+def _film(shots: list[Shot]) -> bytes:
+    """Return the film of pictures of a page, the arenas a pixel apart in height."""
     frames = [Image.open(io.BytesIO(shot)).convert("RGB") for shot, _ in shots]
-    width, height = frames[0].size
-    # one palette for all, so that what stands still stays the same to the last bit
-    some = Image.new("RGB", (width, 3 * height))
-    for k, frame in enumerate((frames[0], frames[len(frames) // 2], frames[-1])):
-        some.paste(frame.resize((width, height)), (0, k * height))
-    palette = some.quantize(96, dither=Image.Dither.NONE)
-    frames = [
-        frame.resize((width, height)).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in frames
-    ]
-    kept = io.BytesIO()
-    frames[0].save(
-        kept,
-        format="PNG",
-        save_all=True,
-        append_images=frames[1:],
-        duration=[round(stands) for _, stands in shots],
-        loop=0,
-        optimize=True,
-    )
-    return kept.getvalue()
+    size = frames[0].size
+    stands = [round(stands_ms) for _, stands_ms in shots]
+    return animated([frame.resize(size) for frame in frames], stands, samples=3)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ made.
     python -m workbench.view.reforming figures/change_of_shape.png
 """
 
-import io
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -26,11 +25,11 @@ from workbench.measures.motion import Motion
 from workbench.plots.shapes import draw_formation
 from workbench.plots.style import style
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.view.animation import animated
 
 SHAPES = ("wedge", "line", "diamond", "circle", "column")
 SECONDS, EVERY_S = 34.0, 1.0  # of a shape, between pictures
 FAST = 8  # as it is shown
-COLOURS = 48
 
 
 def scene() -> tuple[ConvoyConfig, Policy]:
@@ -64,23 +63,8 @@ def film(path: str | Path) -> int:
                 convoy.world.step()
                 t += 1
             pictures.append(_drawn(convoy, driven, shape))
-    some = Image.new("RGB", (pictures[0].width, 3 * pictures[0].height))
-    for k, place in enumerate((0, len(pictures) // 2, -1)):
-        some.paste(pictures[place], (0, k * pictures[0].height))
-    palette = some.quantize(COLOURS, dither=Image.Dither.NONE)
-    frames = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures]
-    kept = io.BytesIO()
-    frames[0].save(
-        kept,
-        format="PNG",
-        save_all=True,
-        append_images=frames[1:],
-        duration=round(1000 * EVERY_S / FAST),
-        loop=0,
-        optimize=True,
-    )
-    write_bytes(Path(path), kept.getvalue())
-    return len(frames)
+    write_bytes(Path(path), animated(pictures, round(1000 * EVERY_S / FAST), samples=3))
+    return len(pictures)
 
 
 def _drawn(convoy: Convoy, driven: list[Any], shape: str) -> Image.Image:
