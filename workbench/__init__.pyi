@@ -8,6 +8,7 @@ from .envs.environments import FollowEnv as FollowEnv
 from .formation.config import ConvoyConfig as ConvoyConfig
 from .formation.config import SETTINGS as SETTINGS
 from .formation.convoy import Convoy as Convoy
+from .formation.shapes import FormationConfig as FormationConfig
 from .formation.laws.own import OwnLaw as OwnLaw
 from .formation.laws.table import LAWS as LAWS
 from .formation.laws.table import quantised_carrot as quantised_carrot

@@ -29,8 +29,7 @@ def _driven(policy, config, minutes):
     convoy = Convoy(config, [config.seed], periods=round(600 * minutes), policy=law, threads=1)
     steps = convoy.whole()
     motion = Motion.of_steps(steps, convoy.world.tracks[0], config.robot)
-    place = convoy.robots["place"][0, 1:]
-    return motion, np.stack([place["goal_x"], place["goal_y"]], axis=-1), convoy, steps
+    return motion, convoy.goals[0], convoy, steps
 
 
 @pytest.mark.parametrize("shape", ["column", "line", "wedge", "diamond", "circle"])
@@ -136,9 +135,8 @@ def test_the_loop_s_virtual_leaders_are_where_the_equations_have_them():
         motion, offsets, convoy, _ = _driven(wb.LAWS["carrot"](), config, 3)
         place = convoy.robots["place"][0, 1:]
         there = places_in_world(motion, offsets, frame=frame)
-        ahead = np.stack([place["ahead_x"], place["ahead_y"]], axis=-1)
         direction = np.stack([place["ahead_cos"], place["ahead_sin"]], axis=-1)
-        assert ahead - config.middle_m * direction == pytest.approx(there[-1], abs=2e-3)
+        assert convoy.places[0] == pytest.approx(there[-1], abs=2e-3)
         moved = there[-1] - there[-11]
         moved /= np.linalg.norm(moved, axis=1, keepdims=True)
         assert np.sum(moved * direction, axis=1) == pytest.approx(np.ones(4), abs=5e-3)
@@ -363,14 +361,7 @@ def test_a_leader_that_goes_back_and_forth_keeps_its_followers_by_its_path():
         convoy.period(t)
         convoy.command(0, speed, speed, t)
         convoy.world.step()
-        place = convoy.robots["place"][0, 1:]
-        d = config.middle_m
-        here = np.stack(
-            [
-                place["ahead_x"] - d * place["ahead_cos"],
-                place["ahead_y"] - d * place["ahead_sin"],
-            ]
-        )
+        here = convoy.places[0].T.copy()
         if before is not None:
             jumps.append(np.hypot(*(here - before)).max())
         before = here

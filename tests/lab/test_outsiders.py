@@ -273,7 +273,7 @@ def test_an_own_learner_s_run_is_not_taken_for_another_s(tmp_path):
 
 
 def test_learning_that_goes_nowhere_ends(monkeypatch):
-    monkeypatch.setattr(outsiders, "PATIENCE", 0)
+    monkeypatch.setattr(outsiders, "longest", lambda steps, learners: 25_000)
 
     class Stands(Recorded):
         def act(self, follower, seen):

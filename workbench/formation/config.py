@@ -25,7 +25,7 @@ from workbench.formation.estimate import FILTERS, LONGEST_S, PREDICTIONS, Estima
 from workbench.formation.output import ACTIONS, LEARN_BY, OUTPUTS
 from workbench.formation.reward import OWN, PRESETS
 from workbench.formation.senses.range_bearing import RangeBearingConfig
-from workbench.formation.senses.table import SENSES
+from workbench.formation.senses.table import KEEPING, SENSES
 from workbench.formation.shapes import FormationConfig, check_shape, places, random_reach
 from workbench.learning.config import LearnerConfig
 from workbench.learning.rules import RULES
@@ -253,28 +253,18 @@ class ConvoyConfig:
         told = self.formation
         if not told.shaped:
             return
-        known = ("truth", "truth-relative", "range-and-bearing")
-        if self.sensing not in known:
+        if self.sensing not in KEEPING:
             raise ValueError(
                 f"ConvoyConfig.sensing = {self.sensing!r} with formation.frame = "
                 f"{told.relative_to!r}; places are by the leader, whom nobody sees past others: "
-                f"expected one of {', '.join(known)}"
+                f"expected one of {', '.join(KEEPING)}"
             )
         fastest = min(self.robot.most_mps, self.wheel_speed_mps[1])
         if self.actions == "relative":
             fastest = self.robot.most_mps
-        found = places(told.shape, self.followers, self.spacing_m, told.points)
-        if told.shape == "random":
-            found = np.array([random_reach(self.followers, self.spacing_m)]) * [-1.0, 1.0]
-        reach = float(np.linalg.norm(found, axis=1).max())
-        if self.sensing == "range-and-bearing" and reach > self.range_bearing.range_m:
-            raise ValueError(
-                f"RangeBearingConfig.range_m = {self.range_bearing.range_m!r} with a place "
-                f"{reach:.3g} m from the leader; expected more than that, or a smaller shape"
-            )
         check_shape(
             told,
-            found,
+            self.places,
             leader_mps=self.leader_speed_mps,
             fastest_mps=fastest,
             radius_m=self.track.radius_m,
@@ -286,6 +276,17 @@ class ConvoyConfig:
     def spacing_m(self) -> float:
         """Distance between neighbouring places in m."""
         return self.formation.spacing_m or self.middle_m
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """Places of the formation's shape, (followers, 2) in m; of random ones the corners of where
+        they are drawn, (2, 2).
+        """
+        told = self.formation
+        if told.shape == "random":
+            depth, width = random_reach(self.followers, self.spacing_m)
+            return np.array([[-depth, width], [-depth, -width]])
+        return places(told.shape, self.followers, self.spacing_m, told.points)
 
     def _check_time(self) -> None:
         """Refuse what does not go together in time: whose weights, delays, time steps."""

@@ -77,6 +77,13 @@ _UNUSED = np.zeros((), PERIOD)
 _UNUSED["phase"] = _UNUSED["state"] = _UNUSED["action"] = -1
 
 
+def longest(steps: int, learners: int) -> int:
+    """Return the control periods after which learning is given up: twenty times what undisturbed
+    learning needs, and some.
+    """
+    return 20 * math.ceil(steps / learners) + 10 * BLOCK
+
+
 class Convoy:
     """B formations of one leader and its followers, one per seed, learning or exploiting.
 
@@ -182,15 +189,32 @@ class Convoy:
         told = replace(self.config.formation, shape=shape, points=_pairs(points), frame=frame)
         config = replace(self.config, formation=told)
         goals = places(shape, config.followers, config.spacing_m, points)
-        self.task["shape"]["hold"] = 0
-        if shape == "random":
-            self.task["shape"]["hold"] = round(told.hold_s / CONTROL_PERIOD)
+        self.task["shape"]["hold"] = told.hold_periods if shape == "random" else 0
         for b, place in enumerate(self.robots["place"][:, 1:]):
             here = np.stack([place["x"], place["y"]], axis=-1)
             if not self._formations["crumbs"][b]:  # they line up in a column
                 here = places("column", config.followers, config.middle_m)
             taken = goals[assign(told.assignment, here, goals)]
             place["goal_x"], place["goal_y"] = taken.T
+
+    @property
+    def goals(self) -> NDArray[np.float64]:
+        """(B, followers, 2) where places are, or move to, in the leader's frame, m."""
+        place = self.robots["place"][:, 1:]
+        return np.stack([place["goal_x"], place["goal_y"]], axis=-1)
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """(B, followers, 2) where places are now on the floor, m."""
+        place = self.robots["place"][:, 1:]
+        ahead = np.stack([place["ahead_x"], place["ahead_y"]], axis=-1)
+        towards = np.stack([place["ahead_cos"], place["ahead_sin"]], axis=-1)
+        return ahead - self.config.middle_m * towards
+
+    @property
+    def block(self) -> NDArray[np.void]:
+        """(B, BLOCK, followers + 1) of type PERIOD, the block that runs."""
+        return self._block
 
     def _equip(self, external: int | None) -> None:
         """Give the robots what they sense with; note who is driven from outside."""
@@ -249,7 +273,7 @@ class Convoy:
         counters = np.zeros(len(self.seeds), FORMATION)
         counters["budget"] = steps if steps else np.iinfo(np.int64).max
         learners = 1 if self.config.weights == "first" else self.config.followers
-        counters["last_period"] = periods or 20 * math.ceil(steps / learners) + 10 * BLOCK
+        counters["last_period"] = periods or longest(steps, learners)
         return counters
 
     def _what_is_drawn(self) -> list[Draw]:

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.fields import choice, configuration, pairs, real
 from workbench.formation.assignment import ASSIGNMENTS
+from workbench.robot.geometry import CONTROL_PERIOD
 
 Floats = NDArray[np.float64]
 TRAIL_M = 9.5  # of its path that a leader's trail holds
@@ -115,6 +116,11 @@ class FormationConfig:
             place_speed_mps=pace * self.place_speed_mps,
             place_acceleration_mps2=pace * self.place_acceleration_mps2,
         )
+
+    @property
+    def hold_periods(self) -> int:
+        """Control periods between random places."""
+        return round(self.hold_s / CONTROL_PERIOD)
 
     @property
     def shaped(self) -> bool:

@@ -164,7 +164,7 @@ def _shape(config: ConvoyConfig) -> dict[str, Any]:
         "speed": told.place_speed_mps,
         "acceleration": told.place_acceleration_mps2,
         "clearance": told.clearance_m,
-        "hold": round(told.hold_s / CONTROL_PERIOD) if random else 0,
+        "hold": told.hold_periods if random else 0,
         "depth": depth,
         "width": width,
     }

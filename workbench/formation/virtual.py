@@ -34,12 +34,14 @@ from typing import Any
 import numpy as np
 
 from workbench.compiled import compiled
+from workbench.formation.angles import wrap
 from workbench.formation.reset import FOLLOW
-from workbench.formation.senses.truth import observe
+from workbench.formation.senses.truth import tell
+from workbench.formation.shapes import TRAIL_M
 from workbench.robot.geometry import CONTROL_PERIOD
 
-CRUMBS = 2048  # of a trail
-CRUMB_M = 0.005  # between them
+CRUMB_M = 0.005  # between crumbs of a trail, at least
+CRUMBS = math.ceil((TRAIL_M + 0.5) / CRUMB_M)  # and a window behind the last place
 BEHIND_M = 10.0  # straight on, behind the last robot of a formation that begins
 
 PLACE = np.dtype(  # m and m/s in the leader's frame, or along and beside its path; and what of it
@@ -109,18 +111,8 @@ def locate(task: Any, one: Any, formation: Any, i: int) -> None:
 @compiled
 def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write where the virtual leader of follower i is, with noise."""
-    robot = robots[i]
-    if robot.seen.silent:
-        return
-    pose = robot.pose
-    place = robot.place
-    distance, bearing = observe(pose.x, pose.y, pose.cos, pose.sin, place.ahead_x, place.ahead_y)
-    if task.noise.any:
-        distance = abs(distance + task.noise.distance * chance.noise[0])
-        bearing = bearing + task.noise.bearing * chance.noise[1]
-        bearing = math.atan2(math.sin(bearing), math.cos(bearing))
-    robot.seen.distance = distance
-    robot.seen.bearing = bearing
+    place = robots[i].place
+    tell(task, robots[i], place.ahead_x, place.ahead_y, chance)
 
 
 @compiled
@@ -232,8 +224,7 @@ def _on_path(task: Any, leader: Any, place: Any, formation: Any, trail: Any) -> 
     c, sine = (bx - ax) / length, (by - ay) / length
     first = math.atan2(my - ay, mx - ax)
     second = math.atan2(by - my, bx - mx)
-    bend = second - first
-    bend = math.atan2(math.sin(bend), math.cos(bend)) / window
+    bend = wrap(second - first) / window
     speed = leader.place.pace
     _stand(task, place, x, y, c, sine, speed * (1.0 - bend * place.y), 0.0, bend * speed)
 
@@ -342,7 +333,6 @@ def _want(shape: Any, robots: Any, i: int) -> None:
     fast = math.hypot(u, v)
     if fast > shape.speed:
         u, v = u * shape.speed / fast, v * shape.speed / fast
-    # an arriving place stops as its goal comes near, whatever its acceleration
     du, dv = u - place.speed_x, v - place.speed_y
     most = shape.acceleration * CONTROL_PERIOD
     change = math.hypot(du, dv)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from workbench import fields
 from workbench.formation.config import ConvoyConfig
-from workbench.formation.convoy import BLOCK, Convoy
+from workbench.formation.convoy import BLOCK, Convoy, longest
 from workbench.formation.follower import LEARNED
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.outside import Outside
@@ -36,7 +36,6 @@ from workbench.lab.progress import Progress, report
 from workbench.lab.records import Recorder
 from workbench.lab.runs import Run, periods_of
 
-PATIENCE = 20  # control periods for an action of a follower, on average
 Action = int | tuple[float, float]
 
 
@@ -130,7 +129,7 @@ class _Loop:
             if t % BLOCK == 0 or not more(t):
                 convoy.world.check(0, t)
                 done = (t - 1) % BLOCK + 1
-                recorder.add(convoy._block[0, :done], start)
+                recorder.add(convoy.block[0, :done], start)
                 tell(done, self.updates - before)
                 start, before = self.updates or t, self.updates
 
@@ -227,16 +226,16 @@ def learn_own(
     if tell_table is not None:
         _table(tell_table, config)  # what is wrong with it is known before anybody drives
     loop, recorder = _Loop(learner, config, length), Recorder(config, length)
-    longest = PATIENCE * math.ceil(length / config.followers) + 10 * BLOCK
+    most = longest(length, config.followers)
     with report(progress, length, "learn", 0, " updates") as tell:
         loop.run(
             recorder,
-            lambda t: loop.updates < length and t < longest,
+            lambda t: loop.updates < length and t < most,
             lambda periods, updates: tell(updates),
         )
     if loop.updates < length:
         raise RuntimeError(
-            f"only {loop.updates} of {length} updates in {longest} control periods; expected "
+            f"only {loop.updates} of {length} updates in {most} control periods; expected "
             "followers that find their leader again: wider bounds, a slower leader, or reset = "
             "'restart'"
         )

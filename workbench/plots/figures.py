@@ -213,8 +213,8 @@ def png(fig: Figure) -> bytes:
 
 
 def hasty_png(fig: Figure, like: Figure, width_px: int) -> bytes | None:
-    """Return the PNG of a figure with the layout of another that ``png`` has drawn, in a tenth of
-    its time; None where the two have different axes.
+    """Return the PNG of a figure with the layout of another that ``png`` has drawn, in a fraction
+    of its time; None where the two have different axes.
     """
     import cv2
 

@@ -44,10 +44,8 @@ def draw_formation(
         x, y = ways[-1, i].tolist()
         word = "L" if i == 0 else str(i)
         ax.text(x, y, word, color="white", ha="center", va="center", fontsize=9)
-    for place in convoy.robots["place"][0, 1:]:
-        towards = np.array([place["ahead_cos"], place["ahead_sin"]])
+    for place, here in zip(convoy.robots["place"][0, 1:], convoy.places[0], strict=True):
         there = np.array([place["ahead_x"], place["ahead_y"]])
-        here = there - config.middle_m * towards
         look: dict[str, Any] = {"fill": False, "edgecolor": INK, "linewidth": 1.0}
         ax.add_patch(Circle(tuple(here.tolist()), 1.25 * radius, **look))
         if virtual:

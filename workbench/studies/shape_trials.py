@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.arena.tracks import TrackConfig
 from workbench.fields import choice, configuration, integer
@@ -89,15 +88,9 @@ def _kept(controller: Controller, config: ConvoyConfig, minutes: float) -> dict[
     steps = convoy.whole()
     motion = Motion.of_steps(steps, None, config.robot)
     told = config.formation
-    found = shape_errors(motion, _goals(convoy), frame=told.relative_to, window_m=told.window_m)
+    found = shape_errors(motion, convoy.goals[0], frame=told.relative_to, window_m=told.window_m)
     losses = float(np.count_nonzero(steps["event"][:, 1:] & LOSS))
     return {name: float(value) for name, value in found.items()} | {"losses": losses}
-
-
-def _goals(convoy: Convoy) -> NDArray[np.float64]:
-    """Return the places that followers have been given, (followers, 2) m."""
-    place = convoy.robots["place"][0, 1:]
-    return np.stack([place["goal_x"], place["goal_y"]], axis=-1)
 
 
 def _reforming(trial: ReformTrial) -> ConvoyConfig:
@@ -135,7 +128,7 @@ def measure_reform(trial: ReformTrial) -> dict[str, float]:
         convoy.instruct(last)
         block = convoy.run_block()[0].copy()
         motion = Motion.of_steps(block, None, config.robot)
-        goals = _goals(convoy)
+        goals = convoy.goals[0]
         touched += contacts(motion) > 0
         lost += bool(np.any(block["event"][:, 1:] & LOSS))
         nearest = min(nearest, float(motion.gaps_m().min()))

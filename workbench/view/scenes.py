@@ -410,10 +410,7 @@ class LiveScene:
                 sense(self.convoy.task, robots, i, self._noise.standard_normal(SENSORS))
         frame[:, READINGS] = robots["infrared"]["readings"]
         if self.config.formation.shaped:
-            place = robots["place"][1:]
-            for column, axis, part in ((0, "ahead_x", "ahead_cos"), (1, "ahead_y", "ahead_sin")):
-                there = place[axis] - self.config.middle_m * place[part]
-                frame[1:, PLACES.start + column] = there
+            frame[1:, PLACES] = self.convoy.places[0]
         return frame
 
     def instruct(self, shape: str, points: ArrayLike = ()) -> None:

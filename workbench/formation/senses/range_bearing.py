@@ -185,6 +185,12 @@ def check(config: Any) -> None:
             f"ConvoyConfig.sensing = {config.sensing!r} with formation.frame = 'path'; followers "
             "do not keep the leader's trail in their own odometry: expected 'heading'"
         )
+    reach = float(np.linalg.norm(config.places, axis=1).max())
+    if config.formation.shaped and reach > config.range_bearing.range_m:
+        raise ValueError(
+            f"RangeBearingConfig.range_m = {config.range_bearing.range_m!r} with a place "
+            f"{reach:.3g} m from the leader; expected more than that, or a smaller shape"
+        )
 
 
 def equip(convoy: Any) -> None:
@@ -219,5 +225,5 @@ MODE = Sense(
     fill=fill,
     check=check,
     equip=equip,
-    places=True,
+    see_place=see,
 )

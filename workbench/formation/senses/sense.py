@@ -92,7 +92,7 @@ class Sense:
         noise: of a configuration, the spread of what is told, m and rad; age: how old it is, s.
         moving: whether it needs the robots' motion.
         epuck: whether it was measured on e-pucks and fits no other robot.
-        places: whether its ``see`` knows places of a shape; otherwise ``virtual.see`` stands in.
+        see_place: ``see`` for followers that keep places by the leader; None: they cannot.
         draws: what is drawn for it.
         robot, task: fields that it adds to ROBOT and TASK.
         fill: values of its fields of TASK; check: raises ValueError for a configuration that makes
@@ -114,7 +114,7 @@ class Sense:
     age: Callable[[Any], float] = _no_age
     moving: bool = False
     epuck: bool = False
-    places: bool = False
+    see_place: Any = None
     draws: tuple[Draw, ...] = ()
     robot: tuple[tuple[str, np.dtype[Any]], ...] = ()
     task: tuple[tuple[str, np.dtype[Any]], ...] = ()

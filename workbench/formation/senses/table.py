@@ -13,12 +13,14 @@ _ROWS = (
         "reads the simulator's poses",
         ("distance", "bearing", "odometry", "heading", "speed", "turning rate"),
         truth.see,
+        see_place=virtual.see,
     ),
     Sense(
         "truth-relative",
         "only distance and bearing of them",
         ("distance", "bearing", "odometry"),
         truth.see,
+        see_place=virtual.see,
     ),
     *camera.MODES,
     *infrared.MODES,
@@ -49,7 +51,10 @@ _COLUMNS = {
 }
 # places of a shape take the place of robots in front
 _COLUMNS["locate"].append(virtual.locate)
-_COLUMNS["see"].append(virtual.see)
+_COLUMNS["see"] = _distinct(
+    [*_COLUMNS["see"], *(row.see_place for row in _ROWS if row.see_place is not None)]
+)
+KEEPING = tuple(row.name for row in _ROWS if row.see_place is not None)
 SENSE_FIELDS = [(column, "i8") for column in _COLUMNS]  # fields of TASK.sense
 locate = chosen(_COLUMNS["locate"])
 see = chosen(_COLUMNS["see"])
@@ -66,5 +71,5 @@ def numbers(sensing: str, *, shaped: bool = False) -> dict[str, int]:
     chosen = {column: getattr(row, column) for column in _COLUMNS}
     if shaped:
         chosen["locate"] = virtual.locate
-        chosen["see"] = row.see if row.places else virtual.see
+        chosen["see"] = row.see_place
     return {column: found.index(chosen[column]) for column, found in _COLUMNS.items()}

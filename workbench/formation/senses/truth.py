@@ -34,12 +34,17 @@ def observe(
 @compiled
 def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write where the predecessor of follower i truly is, with noise."""
-    robot = robots[i]
+    ahead = robots[robots[i].ahead].pose
+    tell(task, robots[i], ahead.x, ahead.y, chance)
+
+
+@compiled
+def tell(task: Any, robot: Any, x: float, y: float, chance: Any) -> None:
+    """Write where a point is, seen by a robot, with noise."""
     if robot.seen.silent:
         return
     pose = robot.pose
-    ahead = robots[robot.ahead].pose
-    distance, bearing = observe(pose.x, pose.y, pose.cos, pose.sin, ahead.x, ahead.y)
+    distance, bearing = observe(pose.x, pose.y, pose.cos, pose.sin, x, y)
     if task.noise.any:
         distance = abs(distance + task.noise.distance * chance.noise[0])
         bearing = wrap(bearing + task.noise.bearing * chance.noise[1])
