@@ -109,7 +109,7 @@ def film(path: str | Path) -> int:
         book.metadata.kernelspec = {"name": "python3", "display_name": "Python 3"}
         nbformat.write(book, Path(place) / "film.ipynb")
         browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1200, "height": 1900})
+        page = browser.new_page(viewport={"width": 1500, "height": 1900})
         with _server(Path(place)) as address:
             page.goto(address)
             page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status=idle]")
