@@ -103,9 +103,12 @@ def integers(low: int, high: int, unit: str, doc: str, *, default: tuple[int, ..
     return _several(default, expected, doc, lambda value: _number(value, low, high, expected, True))
 
 
-def pairs(low: float, high: float, unit: str, doc: str, *, default: tuple[Any, ...]) -> Any:
-    """Declare a tuple of any number of pairs of finite numbers in [low, high]."""
-    expected = f"pairs of numbers from {low:g} to {high:g} {unit}".rstrip()
+def pairs(
+    low: float, high: float, unit: str, doc: str, *, default: tuple[Any, ...], whole: bool = False
+) -> Any:
+    """Declare a tuple of any number of pairs of finite, or whole, numbers in [low, high]."""
+    kind = "whole numbers" if whole else "numbers"
+    expected = f"pairs of {kind} from {low:g} to {high:g} {unit}".rstrip()
 
     def check(value: object) -> object:
         if not isinstance(value, (tuple, list)):
@@ -114,7 +117,7 @@ def pairs(low: float, high: float, unit: str, doc: str, *, default: tuple[Any, .
             if not isinstance(pair, (tuple, list)) or len(pair) != 2:
                 raise _Wrong(expected, wrong_type=False)
         return tuple(
-            tuple(_number(entry, low, high, expected, False) for entry in pair) for pair in value
+            tuple(_number(entry, low, high, expected, whole) for entry in pair) for pair in value
         )
 
     return _declare(default, expected, doc, check)

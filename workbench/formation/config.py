@@ -22,8 +22,9 @@ from workbench.fields import (
 )
 from workbench.formation.body import BodyConfig
 from workbench.formation.estimate import FILTERS, LONGEST_S, PREDICTIONS, EstimateConfig
+from workbench.formation.graph import Edges, check_graph, shortest_rigid
 from workbench.formation.output import ACTIONS, LEARN_BY, OUTPUTS
-from workbench.formation.reward import OWN, PRESETS
+from workbench.formation.reward import GRAPH, OWN, PRESETS
 from workbench.formation.senses.range_bearing import RangeBearingConfig
 from workbench.formation.senses.table import KEEPING, SENSES
 from workbench.formation.shapes import FormationConfig, check_shape, places, random_reach
@@ -170,8 +171,9 @@ class ConvoyConfig:
         EstimateConfig, "what filter and prediction assume", default=EstimateConfig()
     )
     reward: str = choice(
-        (*PRESETS, OWN),
-        "reward preset, all ours; own: a function, see learn(reward=…)",
+        (*PRESETS, OWN, GRAPH),
+        "reward preset, all ours; own: a function, see learn(reward=…); graph: on distances "
+        "between the robots of a shape",
         default="quadratic",
     )
     terminal_factor: float = real(
@@ -251,6 +253,7 @@ class ConvoyConfig:
     def _check_formation(self) -> None:
         """Refuse shapes that cannot be sensed, or that no robot can keep."""
         told = self.formation
+        self._check_graph()
         if not told.shaped:
             return
         if self.sensing not in KEEPING:
@@ -271,6 +274,41 @@ class ConvoyConfig:
             track_m=self.robot.track_m,
             body_radius_m=self.robot.body_radius_m,
         )
+
+    def _check_graph(self) -> None:
+        """Refuse rewards on distances that do not hold the shape, and edges without them."""
+        told = self.formation
+        if told.edges and self.reward != GRAPH:
+            raise ValueError(
+                f"FormationConfig.edges = {told.edges!r} with reward = {self.reward!r}; expected "
+                f"edges with reward = {GRAPH!r}, and only there"
+            )
+        if self.reward != GRAPH:
+            return
+        if told.relative_to != "heading":
+            raise ValueError(
+                f"ConvoyConfig.reward = {GRAPH!r} with formation.frame = {told.relative_to!r}; a "
+                "shape has distances of its own where it does not bend with a path: expected "
+                "formation.frame = 'heading'"
+            )
+        check_graph(self._framework, self.edges)
+
+    @property
+    def _framework(self) -> NDArray[np.float64]:
+        """Leader and places, (followers + 1, 2) in m, that a graph must hold; of random ones a
+        wedge: what holds one shape holds nearly all.
+        """
+        told = self.formation
+        shape = "wedge" if told.shape == "random" else told.shape
+        found = places(shape, self.followers, self.spacing_m, told.points)
+        return np.vstack([[[0.0, 0.0]], found])
+
+    @property
+    def edges(self) -> Edges:
+        """Edges that reward "graph" is of; none with another reward."""
+        if self.reward != GRAPH:
+            return ()
+        return self.formation.edges or shortest_rigid(self._framework)
 
     @property
     def spacing_m(self) -> float:

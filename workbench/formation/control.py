@@ -18,6 +18,7 @@ from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
 from workbench.formation.body import drive_body
 from workbench.formation.follower import LEARNED, LOSS, Memory, act, learn
+from workbench.formation.graph import grade
 from workbench.formation.laws.table import OUTSIDE
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
@@ -136,6 +137,8 @@ def _formation_step(one: Any, b: int) -> int:
     # where everybody is, as the world and a camera have it
     for i in range(robots.size):
         _locate(task, one, formation, i)
+    if task.graph.count:
+        grade(task, robots)
     # the leader follows its line
     periods[0].phase = FOLLOW
     if task.run.external != 0:

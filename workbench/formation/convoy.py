@@ -62,7 +62,7 @@ from workbench.formation.senses.sense import EVERYBODY, FOLLOWERS, LEADER, Draw
 from workbench.formation.senses.table import SENSES
 from workbench.formation.shapes import places
 from workbench.formation.streams import CHILDREN, children
-from workbench.formation.task import fill_task
+from workbench.formation.task import fill_task, graph_of
 from workbench.formation.virtual import CRUMBS
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
@@ -190,12 +190,15 @@ class Convoy:
         config = replace(self.config, formation=told)
         goals = places(shape, config.followers, config.spacing_m, points)
         self.task["shape"]["hold"] = told.hold_periods if shape == "random" else 0
+        for name, value in graph_of(config).items():
+            self.task["graph"][name] = value
         for b, place in enumerate(self.robots["place"][:, 1:]):
             here = np.stack([place["x"], place["y"]], axis=-1)
             if not self._formations["crumbs"][b]:  # they line up in a column
                 here = places("column", config.followers, config.middle_m)
-            taken = goals[assign(told.assignment, here, goals)]
-            place["goal_x"], place["goal_y"] = taken.T
+            order = assign(told.assignment, here, goals)
+            place["goal_x"], place["goal_y"] = goals[order].T
+            place["holder"][order] = np.arange(1, config.followers + 1)
 
     @property
     def goals(self) -> NDArray[np.float64]:
@@ -245,6 +248,7 @@ class Convoy:
         robots = np.zeros((len(self.seeds), config.followers + 1), ROBOT)
         robots["choice"]["state"] = -1
         robots["ahead"] = np.arange(-1, config.followers)
+        robots["place"]["holder"] = np.arange(config.followers + 1)
         if config.formation.shaped:
             robots["ahead"][:, 1:] = 0
         self._first_side = -1.0 if config.track.direction == "clockwise" else 1.0

@@ -30,6 +30,7 @@ from workbench.formation.follower import (
     REWARD,
     WAITING,
 )
+from workbench.formation.graph import EDGES
 from workbench.formation.laws.law import LAW, LAW_TASK
 from workbench.formation.leader import GROUND, LEADER
 from workbench.formation.output import OUTPUT, OUTPUT_TASK
@@ -68,6 +69,7 @@ ROBOT = np.dtype(
         ("ahead", "i8"),  # who is followed, -1: nobody
         ("seen", SEEN),
         ("place", PLACE),
+        ("graph_reward", "f8"),  # of this moment, see ``graph``
         ("estimate", ESTIMATE),
         ("command", COMMAND),
         ("reset", RESET),
@@ -111,6 +113,7 @@ TASK = np.dtype(
         *TASK_PARTS,
         ("body", BODY_TASK),
         ("shape", SHAPE),
+        ("graph", EDGES),
         ("run", RUN),
     ],
     align=True,

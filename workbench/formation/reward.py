@@ -25,6 +25,7 @@ from workbench.compiled import compiled
 
 PRESETS = ("quadratic", "absolute", "distance", "alive")
 OWN = "own"  # a function of the user's, see formation.own_reward
+GRAPH = "graph"  # on distances between robots, see formation.graph
 _WORST = {"quadratic": -2.0, "absolute": -2.0, "distance": -1.0, "alive": 0.0}
 
 

@@ -77,6 +77,15 @@ class FormationConfig:
     clearance_m: float = real(
         0.0, 10.0, "m", "how near places may be; those that are nearer part", default=0.12
     )
+    edges: tuple[tuple[int, int], ...] = pairs(
+        0,
+        256,
+        "",
+        "between places, 0 the leader's, whose distances reward 'graph' is of; none: the shortest "
+        "that hold the shape",
+        default=(),
+        whole=True,
+    )
     hold_s: float = real(
         1.0, 1000.0, "s", "how long a random place is held before another is drawn", default=20.0
     )

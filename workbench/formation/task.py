@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from workbench.arena.world import motors_of
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.estimate import gains
+from workbench.formation.graph import MAX_EDGES, worst_step
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.own import OwnLaw
 from workbench.formation.laws.table import LAW_NUMBERS
@@ -16,7 +17,7 @@ from workbench.formation.output import lattice_fields
 from workbench.formation.own_reward import OwnReward
 from workbench.formation.records import TASK
 from workbench.formation.reset import search_numbers
-from workbench.formation.reward import OWN, PRESETS, terminal_reward, worst_step_reward
+from workbench.formation.reward import GRAPH, OWN, PRESETS, terminal_reward, worst_step_reward
 from workbench.formation.senses.infrared import sensor_fields
 from workbench.formation.senses.table import SENSES, numbers
 from workbench.formation.shapes import random_reach
@@ -54,6 +55,7 @@ def fill_task(
         "infrared": sensor_fields(config),
         "sense": numbers(config.sensing, shaped=config.formation.shaped),
         "shape": _shape(config),
+        "graph": graph_of(config),
         "run": {
             "restart": config.reset == "restart",
             "delayed": config.delay_steps > 0,
@@ -170,15 +172,25 @@ def _shape(config: ConvoyConfig) -> dict[str, Any]:
     }
 
 
+def graph_of(config: ConvoyConfig) -> dict[str, Any]:
+    """Return the fields of the reward on distances."""
+    edges = config.edges
+    ends = np.zeros((MAX_EDGES, 2), np.int64)
+    ends[: len(edges)] = np.array(edges, np.int64).reshape(-1, 2)
+    return {"count": len(edges), "ends": ends}
+
+
 def _reward(config: ConvoyConfig, reward: OwnReward | None) -> dict[str, Any]:
     """Return the fields of the reward."""
-    own = config.reward == OWN
-    if own:
+    if config.reward == OWN:
         worst = reward.worst if reward is not None else np.nan
+    elif config.reward == GRAPH:
+        worst = worst_step(config.edges, config.followers + 1)
     else:
         worst = worst_step_reward(config.reward)
+    preset = config.reward in PRESETS
     return {
-        "preset": len(PRESETS) if own else PRESETS.index(config.reward),
+        "preset": PRESETS.index(config.reward) if preset else len(PRESETS),
         "function": reward.address if reward is not None else 0,
         "terminal": terminal_reward(worst, config.learner.gamma, config.terminal_factor),
     }

@@ -58,6 +58,7 @@ PLACE = np.dtype(  # m and m/s in the leader's frame, or along and beside its pa
         ("ahead_sin", "f8"),
         ("pace", "f8"),  # of the leader itself: its speed and turning rate, averaged
         ("turn", "f8"),
+        ("holder", "i8"),  # who has the place of this robot's number
     ]
 )
 SHAPE = np.dtype(
@@ -143,6 +144,7 @@ def _begin(robots: Any, formation: Any, trail: Any, path: int) -> None:
         robots[i].place.x = along
         _keep(formation, trail, pose.x, pose.y, along)
     leader = robots[0].pose
+    robots[0].place.x = 0.0
     for i in range(1, robots.size):
         place = robots[i].place
         pose = robots[i].pose
