@@ -331,7 +331,9 @@ def emulate(protocol: str, port: int, rate: float, seconds: float) -> Result:
 
 
 @verbs.command()
-@click.option("--robot", required=True, help="sim:, serial:PORT, overo:PORT or tcp:HOST[:PORT].")
+@click.option(
+    "--robot", required=True, help="sim:, serial:PORT, board:PORT, overo:PORT or tcp:HOST[:PORT]."
+)
 @click.option("--weights", type=PLACE, required=True, help="Folder of the run.")
 @click.option("--seconds", type=float, default=60.0, help="How long (default 60).")
 @click.option("--learn", type=COUNT, default=0, help="Learn on, over so many updates.")
@@ -357,7 +359,9 @@ def drive(robot: str, weights: str, fields_set: Any, **kinds: Any) -> Result:
 
 
 @verbs.command()
-@click.option("--robot", required=True, help="sim:, serial:PORT, overo:PORT, tcp:…, log:FILE.")
+@click.option(
+    "--robot", required=True, help="sim:, serial:PORT, board:PORT, overo:PORT, tcp:…, log:FILE."
+)
 @click.option("--out", type=PLACE, required=True, help="The .csv; must be new.")
 @click.option("--seconds", type=float, default=10.0, help="How long (default 10).")
 @click.option("--speeds", type=int, nargs=2, default=(0, 0), help="LEFT RIGHT in steps/s.")

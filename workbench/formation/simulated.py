@@ -37,6 +37,7 @@ from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.law import ControlLaw
 from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
+from workbench.formation.senses import range_bearing
 from workbench.formation.senses.infrared import ALL, sense_proximity
 from workbench.formation.senses.table import INFRARED
 from workbench.formation.senses.truth import observe
@@ -46,6 +47,7 @@ from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import SENSORS as RING_SENSORS, calibrate, raw_reading
 from workbench.robot.motors import wheel_speed
+from workbench.robot.range_bearing import MOST_HEARD, Report, pack
 
 GYROSCOPE = 131.0  # counts per °/s
 
@@ -61,6 +63,13 @@ def sense(task: Any, robots: Any, i: int, noise: Any) -> None:
 @compiled
 def _ground(task: Any, floor: Any, robots: Any, i: int, k: int, noise: float) -> float:
     return read_ground(task[0], floor, robots[i], k, noise)
+
+
+@compiled
+def _measure(
+    task: Any, robots: Any, i: int, sender: int, normal: Any
+) -> tuple[float, float, float]:
+    return range_bearing.measure(task[0], robots[i], robots[sender], normal)
 
 
 def _check_whole_periods(config: ConvoyConfig) -> None:
@@ -96,10 +105,16 @@ class SimulatedRobot(Robot):
         realtime: whether a step takes as long as it simulates.
         furnish, reflectance: walls and boxes, see ``arena.proximity``; with them this robot's
             infrared is cast by rays.
+
+    Attributes:
+        sent: what it has sent by its range-and-bearing board. The others run no program that takes
+            it; they report on this robot (``robot.range_bearing.Report``), up to number 15.
     """
 
     capabilities = frozenset(SENSORS[: SENSORS.index("microphone")]) | {
         "gyroscope",
+        "range_bearing",
+        "send",
         "drive",
         "calibrate",
         "led",
@@ -175,6 +190,7 @@ class SimulatedRobot(Robot):
         self._started = False
         self._steps = np.zeros(2)
         self._own = own_chance(config.seed, self.robot)
+        self._fit_board()
         self.convoy.robots["infrared"]["bias"][0, self.robot] = (
             0.0  # this robot calibrates when it is told to
         )
@@ -189,6 +205,15 @@ class SimulatedRobot(Robot):
             0,
             0.0,
         )  # a client waits
+
+    def _fit_board(self) -> None:
+        """Give all robots a range-and-bearing board, also where nobody senses by it."""
+        range_bearing.equip(self.convoy)
+        for name, value in range_bearing.fill(self.config)["board"].items():
+            self.convoy.task["board"][name] = value
+        self._messages = own_chance(self.config.seed, self.robot, "messages")
+        self.sent: list[bytes] = []
+        _measure(self.convoy.task, self.convoy.robots[0], self.robot, self.robot, np.zeros(3))
 
     def _close(self) -> None:
         self._started = False
@@ -241,7 +266,28 @@ class SimulatedRobot(Robot):
             "selector": (10.0,),
             "battery": (1.0,),
         }
+        if "range_bearing" in sensors:
+            found["range_bearing"] = self._listen()
         return found | {sensor: speeds[sensor] for sensor in sensors if sensor in speeds}
+
+    def _listen(self) -> tuple[float, ...]:
+        """Return what the others' reports on this robot are: range, bearing and data of each."""
+        told = self.config.range_bearing
+        robots = self.convoy.robots[0]
+        found: list[float] = []
+        for other in range(min(len(robots), MOST_HEARD)):
+            if other == self.robot or self._time % told.period:
+                continue
+            lost = self._messages.random() < told.message_loss
+            normal = self._messages.standard_normal(3)
+            distance, mine, its = _measure(self.convoy.task, robots, self.robot, other, normal)
+            if lost or distance > told.range_m:
+                continue
+            motion = robots[other]["motion"]
+            speed, turn = float(motion["speed"]), float(motion["turn"])
+            data = pack(Report(other, min(self.robot, MOST_HEARD - 1), its, speed, turn))
+            found += [distance, mine, float(int.from_bytes(data))]
+        return tuple(found)
 
     def _cast(self, record: Any) -> None:
         """Read the proximity sensors by rays against everything in the world."""
@@ -279,6 +325,8 @@ class SimulatedRobot(Robot):
     def _set_device(self, device: str, values: tuple[int, ...]) -> None:
         if device == "motor_position":
             self._steps[:] = values
+        elif device == "send":
+            self.sent.append(bytes(values))
         elif device == "calibrate":
             record = self.convoy.robots[0, self.robot]
             chance = own_chance(self.config.fleet or self.config.seed, self.robot, "bias")

@@ -31,7 +31,7 @@ from workbench.formation.policy import Policy
 from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reward import OWN
 from workbench.formation.senses.infrared import look
-from workbench.formation.senses.table import INFRARED
+from workbench.formation.senses.table import INFRARED, SENSES
 from workbench.formation.streams import children
 from workbench.formation.task import fill_task
 from workbench.learning.behaviour import epsilon_at
@@ -261,7 +261,7 @@ def drive(
         follower: who decides.
         seconds: of control periods.
         observer: where distance and bearing come from unless the follower sees by infrared; default
-            ``robot.observe``.
+            that of its sensing mode, or ``robot.observe``.
         watch: called after every decision with follower, robot and the period's time in s, for
             example a recorder.
         update_s: wall-clock time that an update takes in addition, to be like a slower computer.
@@ -315,8 +315,10 @@ def _eyes(
     robot: Robot, follower: SoloFollower, observer: Observer | None
 ) -> Callable[[], dict[str, Any]]:
     """Return what tells a follower what it sees, as arguments of ``decide``."""
-    if follower.config.sensing not in INFRARED:
-        see = observer or robot.observe
+    sensing = follower.config.sensing
+    if sensing not in INFRARED:
+        own = SENSES[sensing].observer
+        see = observer or (own(robot, follower.config) if own else robot.observe)
 
         def told() -> dict[str, Any]:
             distance, bearing = see()

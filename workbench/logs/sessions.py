@@ -16,7 +16,7 @@ from typing import Any
 from workbench import fields
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
-from workbench.formation.senses.table import INFRARED
+from workbench.formation.senses.table import INFRARED, SENSES
 from workbench.formation.solo import SoloFollower, drive
 from workbench.lab.progress import report
 from workbench.lab.storage import read_json, refuse_existing
@@ -25,6 +25,12 @@ from workbench.logs.recordings import GROUPS, Recorder
 from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.open import open_robot
+
+_REMEDIES = {  # what a robot must be capable of: what is said where it is not
+    "proximity": "read its proximity sensors",
+    "observe": "is watched by a camera: use sim:, or learn with infrared",
+    "range_bearing": "has a range-and-bearing board: use sim:, or board:PORT",
+}
 
 
 def emulate(
@@ -291,15 +297,10 @@ def _calibrate(robot: Robot) -> str:
 
 
 def _check_senses(robot: Robot, config: ConvoyConfig, url: str) -> None:
-    needed = "proximity" if config.sensing in INFRARED else "observe"
+    needed = SENSES[config.sensing].needs
     if needed not in robot.capabilities or "drive" not in robot.capabilities:
         lacking = "drive" if needed in robot.capabilities else needed
         raise ValueError(
             f"{url} cannot {lacking!r}; a run with sensing = {config.sensing!r} needs a robot "
-            "that can be driven and "
-            + (
-                "read its proximity sensors"
-                if needed == "proximity"
-                else "is watched by a camera: use sim:, or learn with infrared"
-            )
+            f"that can be driven and {_REMEDIES[needed]}"
         )

@@ -71,6 +71,7 @@ SENSORS = (
     "button",
     "remote",
     "age",
+    "range_bearing",
 )
 WRAP = 1 << 16
 # s by which a period may begin late before that counts: what a busy computer's timer is off

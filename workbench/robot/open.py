@@ -2,6 +2,7 @@
 
     sim:                         a simulated robot (keywords: config, robot, others, realtime)
     serial:/dev/rfcomm0          an e-puck1 (variant, binary, baud)
+    board:/dev/rfcomm0           the same with a range-and-bearing board on it
     overo:/dev/ttyS0             an e-puck1 from its own Overo computer
     tcp:192.168.1.20:1000        an e-puck2
     log:path/to/recording.csv    a recording, replayed; it cannot be driven
@@ -25,6 +26,7 @@ ends.note_interrupts()  # before whatever else is imported and compiled
 BACK_ENDS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "sim": ("workbench.formation.simulated:SimulatedRobot", "", {}),
     "serial": ("workbench.robot.wire.epuck1:SerComRobot", "PORT", {}),
+    "board": ("workbench.robot.wire.epuck1:SerComRobot", "PORT", {"board": True}),
     "overo": (
         "workbench.robot.wire.epuck1:SerComRobot",
         "PORT",

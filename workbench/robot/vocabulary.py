@@ -7,6 +7,8 @@ NotSupported.
 
 from abc import ABC, abstractmethod
 
+from workbench.robot.range_bearing import DATA_BYTES, Heard, four_bytes
+
 
 class Words(ABC):
     """Readings and devices by name."""
@@ -86,6 +88,20 @@ class Words(ABC):
         began to come in.
         """
         return self.reading("age")
+
+    def get_range_bearing(self) -> tuple[Heard, ...]:
+        """Return the messages that a range-and-bearing board has heard since the last step, see
+        ``robot.range_bearing``.
+        """
+        told = self.reading("range_bearing")
+        return tuple(
+            Heard(told[k], told[k + 1], int(told[k + 2]).to_bytes(DATA_BYTES))
+            for k in range(0, len(told), 3)
+        )
+
+    def send(self, data: bytes) -> None:
+        """Send one to four bytes by the range-and-bearing board, to everybody in its range."""
+        self._device("send", *four_bytes(data))
 
     def get_selector(self) -> tuple[float, ...]:
         """Return the position of the selector switch."""

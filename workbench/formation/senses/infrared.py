@@ -429,6 +429,7 @@ _METRIC = Sense(
     fill=fill,
     check=check,
     equip=equip,
+    needs="proximity",
     noise=lambda _: NOISE_TOLD,
     age=lambda config: config.infrared.age_s,
 )

@@ -12,6 +12,8 @@ on by my odometry, which is wrong by a share, and by the message, and corrected 
 The board that e-pucks have: 12 receivers, 30° apart, up to about 0.8 m. Its published errors could
 not be read here: noise is a parameter, no datum.
 
+Robots of the API hear the same way (``Listener``), over a real wire as well.
+
 Contract: as of ``sense``; without a message the last estimate is moved on.
 """
 
@@ -26,7 +28,9 @@ from workbench.formation import virtual
 from workbench.formation.angles import wrap
 from workbench.formation.senses.sense import FOLLOWERS, Draw, Sense, Values
 from workbench.formation.streams import own_chance
+from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
+from workbench.robot.range_bearing import unpack
 
 SECTORS = 12
 
@@ -93,10 +97,15 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     distance = math.sqrt(dx * dx + dy * dy)
     heard = distance <= task.board.range and chance.message >= task.board.loss
     heard = heard and robot.seen.silent == 0
-    _move_on(robot)
+    went = robot.motion.speed * board.odometry[0] * CONTROL_PERIOD
+    turned = robot.motion.turn * board.odometry[1] * CONTROL_PERIOD
+    move_on(board, went, turned)
     board.count += 1
     if heard and (board.any == 0 or board.count % task.board.every == 0):
-        _hear(task, robot, sender, distance, chance.board)
+        range_m, mine, its = measure(task, robot, sender, chance.board)
+        board.speed, board.turn = sender.motion.speed, sender.motion.turn
+        board.pace, board.bend = sender.place.pace, sender.place.turn
+        correct(board, task.board.gain, range_m, mine, its)
     if board.any == 0:
         robot.seen.distance = 2.0 * task.bounds.sight  # nobody has been heard yet
         robot.seen.bearing = 0.0
@@ -110,13 +119,12 @@ def see(task: Any, robots: Any, i: int, chance: Any) -> None:
 
 
 @compiled
-def _move_on(robot: Any) -> None:
-    """Move the estimate of the sender on by a control period."""
-    board = robot.board
+def move_on(board: Any, went: float, turned: float) -> None:
+    """Move the estimate of the sender on by a control period, in which the robot went so far (m)
+    and turned by so much (rad).
+    """
     if board.any == 0:
         return
-    went = robot.motion.speed * board.odometry[0] * CONTROL_PERIOD
-    turned = robot.motion.turn * board.odometry[1] * CONTROL_PERIOD
     its = board.speed * CONTROL_PERIOD
     x = board.x + its * math.cos(board.heading) - went
     y = board.y + its * math.sin(board.heading)
@@ -127,21 +135,26 @@ def _move_on(robot: Any) -> None:
 
 
 @compiled
-def _hear(task: Any, robot: Any, sender: Any, distance: float, normal: Any) -> None:
-    """Correct the estimate by a range, a bearing and a message, or begin it."""
-    board = robot.board
-    range_m = abs(distance + task.board.noise_range * normal[0])
+def measure(task: Any, robot: Any, sender: Any, normal: Any) -> tuple[float, float, float]:
+    """Return a sender's range (m) and bearing (rad), and the robot's bearing as the sender has it,
+    with noise of three normal numbers.
+    """
+    dx, dy = sender.pose.x - robot.pose.x, sender.pose.y - robot.pose.y
+    range_m = abs(math.sqrt(dx * dx + dy * dy) + task.board.noise_range * normal[0])
     mine = _bearing(task, robot, sender, normal[1])
     its = _bearing(task, sender, robot, normal[2])
+    return range_m, mine, its
+
+
+@compiled
+def correct(board: Any, gain: float, range_m: float, mine: float, its: float) -> None:
+    """Correct the estimate by a range and both bearings, or begin it."""
     x, y = range_m * math.cos(mine), range_m * math.sin(mine)
     heading = wrap(mine - its + math.pi)
-    board.speed, board.turn = sender.motion.speed, sender.motion.turn
-    board.pace, board.bend = sender.place.pace, sender.place.turn
     if board.any == 0:
         board.any = 1
         board.x, board.y, board.heading = x, y, heading
         return
-    gain = task.board.gain
     board.x += gain * (x - board.x)
     board.y += gain * (y - board.y)
     board.heading = wrap(board.heading + gain * wrap(heading - board.heading))
@@ -204,6 +217,53 @@ def equip(convoy: Any) -> None:
             board["odometry"] = 1.0 + told.odometry_error * chance.standard_normal(2)
 
 
+class Listener:
+    """Where the robot in front is, by the board of a robot of the API and its step counters: what
+    ``formation.solo.drive`` asks. Its odometry is the robot's own, and the sender reports
+    (``robot.range_bearing.Report``).
+
+    Args:
+        robot: connected; config: the follower's; number: which robot it is, and reports are about;
+            the one before it is followed.
+    """
+
+    def __init__(self, robot: Robot, config: Any, number: int = 1) -> None:
+        robot.enable("range_bearing", "motor_position")
+        self._robot = robot
+        self._config = config
+        self._number = number
+        self._board = np.zeros(1, BOARD)[0]
+        self._counts: tuple[float, ...] | None = None
+
+    def __call__(self) -> tuple[float, float]:
+        """Return distance (m) and bearing (rad) of the robot in front; before it has been heard,
+        twice as far away as anybody can be seen.
+        """
+        board = self._board
+        move_on(board, *self._moved())
+        for heard in self._robot.get_range_bearing():
+            report = unpack(heard.data)
+            if (report.sender, report.about) == (self._number - 1, self._number):
+                board["speed"], board["turn"] = report.speed_mps, report.turn_radps
+                gain = self._config.range_bearing.gain
+                correct(board, gain, heard.range_m, heard.bearing_rad, report.bearing_rad)
+        if not board["any"]:
+            return 2.0 * self._config.sight_m, 0.0
+        x, y = float(board["x"]), float(board["y"])
+        return math.hypot(x, y), math.atan2(y, x)
+
+    def _moved(self) -> tuple[float, float]:
+        """Return how far (m) and by how much (rad) its wheels have turned it since the last
+        call.
+        """
+        counts = self._robot.get_motor_position()
+        before = self._counts or counts
+        self._counts = counts
+        body = self._config.robot
+        left, right = (body.step_m * (now - then) for now, then in zip(counts, before, strict=True))
+        return (left + right) / 2, (right - left) / body.track_m
+
+
 def _spread(config: Any) -> tuple[float, float]:
     told = config.range_bearing
     return told.noise_range_m, told.noise_bearing_rad
@@ -226,4 +286,6 @@ MODE = Sense(
     check=check,
     equip=equip,
     see_place=see,
+    needs="range_bearing",
+    observer=Listener,
 )

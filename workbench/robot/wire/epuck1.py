@@ -18,6 +18,15 @@ from typing import Any
 from workbench.robot.api import Robot
 from workbench.robot.faults import BadReply, LinkTimeout
 from workbench.robot.guardian import GuardedLink
+from workbench.robot.range_bearing import (
+    BUS_ADDRESS,
+    MOST_HEARD,
+    READ_DATA,
+    READ_PLACE,
+    SET_UP,
+    WRITE_DATA,
+    to_heard,
+)
 from workbench.robot.wire.links import Link, SerialLink
 from workbench.robot.wire.sercom import (
     READS,
@@ -39,12 +48,13 @@ QUIET_S = 0.05
 ENDS_ALL = bytes(64) + b"\r"
 
 
-def _capabilities(variant: Variant) -> frozenset[str]:
+def _capabilities(variant: Variant, board: bool) -> frozenset[str]:
     able = {"proximity", "light", "motor_speed", "motor_position", "accelerometer", "selector"}
     able |= {"drive", "calibrate", "led", "raw", "microphone", "sound"}
     able |= {"battery"} if variant.battery else set()
     able |= {"floor"} if variant.floor_binary else set()
     able |= {"body_led", "front_led"} if variant.lights else set()
+    able |= {"range_bearing", "send"} if board else set()
     return frozenset(able)
 
 
@@ -57,6 +67,7 @@ class SerComRobot(Robot):
         variant: one of ``sercom.VARIANTS``.
         binary: use the binary protocol for sensors and speeds.
         baud: default: the variant's.
+        board: whether a range-and-bearing board is on it, see ``robot.range_bearing``.
         timeout_s: for one reply.
         guardian: put a process between program and wire that stops the robot when the program is
             killed, see ``robot.guardian``.
@@ -76,6 +87,7 @@ class SerComRobot(Robot):
         variant: str = "epuck1",
         binary: bool = False,
         baud: int | None = None,
+        board: bool = False,
         timeout_s: float = 0.25,
         guardian: bool = False,
         link: Callable[[], Link] | None = None,
@@ -84,17 +96,25 @@ class SerComRobot(Robot):
         super().__init__(debug=debug, **kinds)
         if variant not in VARIANTS:
             raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
+        if board and not VARIANTS[variant].bus:
+            able = ", ".join(row.name for row in VARIANTS.values() if row.bus)
+            raise ValueError(
+                f"board = True with variant = {variant!r}, whose bus is not there for programs: "
+                f"expected variant = {able}"
+            )
         self.address = address
         self.variant = VARIANTS[variant]
         self.binary = binary
         self.baud = baud or self.variant.baud
         self.timeout_s = timeout_s
-        self.capabilities = _capabilities(self.variant)
+        self.capabilities = _capabilities(self.variant, board)
+        self._board_ready = False
         self._link: Link | None = None
         self._connect = link or (self._open_guarded if guardian else self._open_port)
 
     def _open(self) -> None:
         self._link = self._connect()
+        self._board_ready = False
 
     def _open_port(self) -> Link:
         return SerialLink(self.address, self.baud, timeout_s=self.timeout_s, clock=self.clock)
@@ -230,7 +250,45 @@ class SerComRobot(Robot):
         if sensor == "battery":
             link = self._say(ascii_request("b"))
             return (float(battery(self._read_reply(link, "b", self.timeout_s))),)
+        if sensor == "range_bearing":
+            return self._listen()
         return self._accept(sensor, self._ask("U", counts=(3,)))
+
+    # the range-and-bearing board, register by register over the bus
+
+    def _set_up_board(self) -> None:
+        if not self._board_ready:
+            for register, value in SET_UP:
+                self._ask("W", BUS_ADDRESS, register, value, counts=(0,))
+            self._board_ready = True
+
+    def _listen(self) -> tuple[float, ...]:
+        """Return range, bearing and data of what the board has heard, one after the other."""
+        self._set_up_board()
+        found: list[float] = []
+        for _ in range(MOST_HEARD):
+            if not self._registers(0)[0]:
+                break
+            heard = to_heard(self._registers(*READ_DATA), self._registers(*READ_PLACE))
+            found += [heard.range_m, heard.bearing_rad, float(int.from_bytes(heard.data))]
+        return tuple(found)
+
+    def _registers(self, *numbers: int) -> list[int]:
+        """Return registers of the board, asked for at once: no more than the receiver holds."""
+        link = self._say(b"".join(ascii_request("Y", BUS_ADDRESS, number) for number in numbers))
+        values = []
+        for number in numbers:
+            echo = ascii_numbers(self._read_reply(link, "y", self.timeout_s), "y", (2,))
+            if echo != (BUS_ADDRESS, number):
+                raise BadReply(f"register {(BUS_ADDRESS, number)} was asked for, {echo} came back")
+            [value] = ascii_numbers(self._read_reply(link, "y", self.timeout_s), "y", (1,))
+            values.append(value & 0xFF)  # the firmware's bytes are signed
+        return values
+
+    def _send(self, data: tuple[int, ...]) -> None:
+        self._set_up_board()
+        for register, value in zip(WRITE_DATA, data, strict=True):
+            self._ask("W", BUS_ADDRESS, register, value, counts=(0,))
 
     def _accept(self, sensor: str, values: tuple[int, ...]) -> tuple[float, ...]:
         if sensor in ("proximity", "light"):
@@ -248,6 +306,8 @@ class SerComRobot(Robot):
             self._ask("T", *values, counts=(0,))
         elif device == "body_led":
             self._ask("B", *values, counts=(0,))
+        elif device == "send":
+            self._send(values)
         elif device == "front_led":
             self._ask("F", *values, counts=(0,))
         else:
@@ -263,6 +323,7 @@ class SerComRobot(Robot):
 
     def _reset(self) -> None:
         self._drive(0, 0)
+        self._board_ready = False
         until = self.clock.now() + RESET_S
         self._limit(until)
         link = self._say(ascii_request("R"))

@@ -24,6 +24,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from workbench.robot.api import Robot
+from workbench.robot.range_bearing import BUS_ADDRESS, Board, Heard
 from workbench.robot.wire.epuck2 import (
     COMMAND,
     COMMAND_BYTES,
@@ -91,14 +92,35 @@ class _Body:
             "selector": robot.get_selector,
             "battery": robot.get_battery,
         }
-        self.sensors = [name for name in self._read if name in robot.capabilities]
+        able = (*self._read, "range_bearing")
+        self.sensors = [name for name in able if name in robot.capabilities]
         robot.enable(*self.sensors)
         self._awake = False
+        self._heard_at = -1.0
 
     def sensor(self, name: str) -> list[int]:
         """Return a sensor's values; in lockstep, who reads a sensor again reads it a control period
         later.
         """
+        self._look(name)
+        return [int(value) for value in self._read[name]()]
+
+    def heard(self) -> tuple[Heard, ...]:
+        """Return the messages of a control period, once."""
+        if "range_bearing" not in self.sensors:
+            return ()
+        self._look("range_bearing")
+        heard = () if self._heard_at == self.robot.time_s else self.robot.get_range_bearing()
+        self._heard_at = self.robot.time_s
+        return heard
+
+    def send(self, data: bytes) -> None:
+        """Send four bytes by its board, if it has one."""
+        if "send" in self.robot.capabilities:
+            self.robot.send(data)
+
+    def _look(self, name: str) -> None:
+        """Let time pass where reading does."""
         if not self._awake:
             self.robot.step()
             self._awake = True
@@ -107,7 +129,6 @@ class _Body:
                 self.robot.step()
                 self._seen.clear()
             self._seen.add(name)
-        return [int(value) for value in self._read[name]()]
 
     def live(self) -> None:
         """Let a control period pass."""
@@ -132,6 +153,7 @@ class SerComFirmware:
 
     def __init__(self, robot: Robot, variant: Variant, *, lockstep: bool = False) -> None:
         self._body = _Body(robot, lockstep)
+        self._board = Board(self._body.heard, self._body.send)
         self.variant = variant
         self._line = bytearray()
         self._chain = bytearray()
@@ -202,6 +224,9 @@ class SerComFirmware:
             return struct.pack("<3B", *PICTURE[:3]) + bytes(PICTURE[-1]) if self._radio else b""
         if letter == "U":  # the buffer of sound, and where in it is now
             return bytes(601)
+        if letter == "W":
+            self._write_bus(list(operands))
+            return b""
         if letter in ("b", "t", "g", "u"):
             return self._binary_only(letter)
         values = self._numbers(
@@ -305,14 +330,31 @@ class SerComFirmware:
         if not self._radio:
             return b""
         first = ",".join(str(number) for number in (numbers + [0, 0])[:2])
+        if letter == "W":
+            self._write_bus(numbers)
+        value = self._read_bus(numbers) if letter == "Y" else 0
         return {
             "G": b"g IR check : 0x0, address : 0x0, data : 0x0\r\n",
             "I": ("i," + ",".join(map(str, PICTURE)) + "\r\n").encode(),
             "J": b"j\r\n",
             "W": b"w\r\n",
-            "Y": f"y,{first}\r\ny,0\r\n".encode(),
+            "Y": f"y,{first}\r\ny,{value}\r\n".encode(),
             "Z": b"",
         }[letter]
+
+    def _write_bus(self, numbers: list[int]) -> None:
+        """Write a register of what is on the bus, the board if anything."""
+        module, register, value = (numbers + [0, 0, 0])[:3]
+        if self.variant.bus and module == BUS_ADDRESS:
+            self._board.write(register, value)
+
+    def _read_bus(self, numbers: list[int]) -> int:
+        """Return a register as a signed byte, as the firmware does."""
+        module, register = (numbers + [0, 0])[:2]
+        if not (self.variant.bus and module == BUS_ADDRESS):
+            return 0
+        value = self._board.read(register)
+        return value - 256 if value > 127 else value
 
     def _light(self, letter: str, numbers: list[int]) -> bytes:
         robot = self._body.robot

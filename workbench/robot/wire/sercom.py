@@ -36,6 +36,8 @@ class Variant:
         battery: whether it tells of its battery; BTcom takes ``b`` for the body light.
         floor_ascii_garbled: whether bytes from 128 on are sign-extended in the reply to M, so that
             only the binary one can be read.
+        bus: whether the robot's I2C bus can be read and written, and a range-and-bearing board on
+            it.
     """
 
     name: str
@@ -46,10 +48,11 @@ class Variant:
     lights: bool
     battery: bool = True
     floor_ascii_garbled: bool = False
+    bus: bool = False
 
 
 VARIANTS = {
-    "epuck1": Variant("epuck1", 115200, 8, 5, 5, True),  # UART1, Bluetooth
+    "epuck1": Variant("epuck1", 115200, 8, 5, 5, True, bus=True),  # UART1, Bluetooth
     "epuck1-bt": Variant(  # BTcom sends three values
         "epuck1-bt", 115200, 8, 3, 3, True, battery=False, floor_ascii_garbled=True
     ),
