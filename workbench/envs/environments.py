@@ -56,7 +56,8 @@ _OPTIONS = """
             eight proximity readings in counts (with infrared sensing).
         actions: "discrete": pairs of speed levels, a = i_left * levels + i_right; "continuous":
             left and right speed, from -1, the slowest level, to 1, the fastest.
-        reward: a function of your own, r(u, v), see ``functions``; default: the configuration's.
+        reward: a function of your own, r(u, v), see ``functions``; "shaping" or "shared-shaping":
+            for progress, see ``envs.shaping``; default: the configuration's.
         seconds: of simulated time after which an episode is truncated.
         render_mode: "rgb_array": ``render`` returns a picture; "human": every step is shown, in a
             window of matplotlib's or below the cell of a notebook.
@@ -118,7 +119,7 @@ class FollowEnv(_Shown, gymnasium.Env[Any, Any]):
         *,
         observation: str = "errors",
         actions: str = "discrete",
-        reward: Reward | None = None,
+        reward: Reward | str | None = None,
         seconds: float = 60.0,
         render_mode: str | None = None,
     ) -> None:
@@ -183,7 +184,7 @@ class FollowVectorEnv(VectorEnv[Any, Any, Any]):
         *,
         observation: str = "errors",
         actions: str = "discrete",
-        reward: Reward | None = None,
+        reward: Reward | str | None = None,
         seconds: float = 60.0,
         render_mode: str | None = None,
     ) -> None:
@@ -282,7 +283,7 @@ class ConvoyEnv(_Shown, ParallelEnv[str, Any, Any]):
         *,
         observation: str = "errors",
         actions: str = "discrete",
-        reward: Reward | None = None,
+        reward: Reward | str | None = None,
         seconds: float = 60.0,
         render_mode: str | None = None,
     ) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from workbench.envs import shaping
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
@@ -49,13 +50,15 @@ class Formations:
         formations: int,
         observation: str,
         actions: str,
-        reward: Reward | None,
+        reward: Reward | str | None,
         seconds: float,
     ) -> None:
         _check(config, formations, observation, actions, reward, seconds)
         self._convoy: Convoy | None = None
-        self._reward = reward
-        config, self.own = with_reward(config, reward)
+        self._shaping = reward if isinstance(reward, str) and reward in shaping.REWARDS else ""
+        own: Any = None if self._shaping else reward
+        self._reward = own
+        config, self.own = with_reward(config, own)
         # who puts followers back is the environment: a formation must not restart by itself
         self.config = replace(config, reset="manoeuvre")
         self.formations = formations
@@ -100,6 +103,7 @@ class Formations:
         self.t = 0
         self.age = np.zeros(self.formations, np.int64)
         self._lost = np.zeros((self.formations, self.config.followers), bool)
+        self._far = np.zeros((self.formations, self.config.followers))
         self.begin(np.arange(self.formations))
 
     def _make(self, seeds: Sequence[int]) -> None:
@@ -155,6 +159,7 @@ class Formations:
             waiting = waiting[np.any(convoy.robots["choice"]["state"][waiting, 1:] < 0, axis=1)]
             if not len(waiting):
                 self._only(None)
+                self._far[which] = self._far_now(self.truth())[which]
                 return
         raise RuntimeError(
             f"formations {waiting.tolist()}: followers that stand within the bounds do not "
@@ -242,10 +247,25 @@ class Formations:
                 "would be meaningless. Check the "
                 "robot's numbers (mass, inertia, wheels)"
             )
-        found = self.sense()
+        reward, lost = self.sense()
         self._only(None)
+        if self._shaping:
+            reward = self._progress(moved)
         if said := trouble(self.convoy.robots, self.own):
             raise ValueError(said)
+        return reward, lost
+
+    def _far_now(self, truth: dict[str, NDArray[Any]]) -> Floats:
+        """Return how far followers are from their places, (B, followers) m."""
+        return shaping.far_m(self.convoy, truth["distance_m"], truth["bearing_rad"])
+
+    def _progress(self, moved: Any) -> Floats:
+        """Return rewards for the progress of formations that have moved, 0 for others."""
+        truth = self.truth()
+        now = self._far_now(truth)
+        found = np.zeros_like(now)
+        found[moved] = shaping.progress(self._shaping, self._far, now, truth["contact"])[moved]
+        self._far[moved] = now[moved]
         return found
 
     def _commands(
@@ -304,7 +324,7 @@ def _check(
     formations: int,
     observation: str,
     actions: str,
-    reward: Reward | None,
+    reward: Reward | str | None,
     seconds: float,
 ) -> None:
     """Refuse what no environment can be made of."""
@@ -321,6 +341,12 @@ def _check(
             f"observation = {observation!r} with sensing = {config.sensing!r}; expected "
             "sensing = 'ir-metric' or 'ir-raw': "
             "then the bounds are judged by what the robot sees, too"
+        )
+    if isinstance(reward, str) and reward not in shaping.REWARDS:
+        raise ValueError(
+            f"reward = {reward!r}; expected a function of u and v, or one of "
+            f"{', '.join(map(repr, shaping.REWARDS))}; a preset is named by "
+            f"ConvoyConfig(reward={reward!r})"
         )
     if config.reward == OWN and reward is None:
         raise ValueError(
