@@ -5,6 +5,7 @@ to change, and say so in the commit. ``test_golden.py`` compares. A hash is of a
 weights and physics, so that it changes with the last bit.
 """
 
+import functools
 import hashlib
 import json
 import math
@@ -42,6 +43,7 @@ def machine():
     )
 
 
+@functools.cache
 def _configs():
     """Return name → (configuration, keywords of Convoy)."""
     from workbench.arena.camera.config import CameraConfig
@@ -483,6 +485,7 @@ def run_log():
     return {"sha256": _digest(*arrays), "losses": 0, "x_m": 0.0, "y_m": 0.0, "left": 0.0}
 
 
+@functools.cache
 def cases():
     """Return name → function without arguments that gives hash and numbers."""
     from workbench.formation.config import SETTINGS, ConvoyConfig

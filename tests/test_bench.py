@@ -8,6 +8,7 @@ import os
 import sys
 import types
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -71,9 +72,22 @@ def test_bench_reports_all_numbers(monkeypatch):
     assert all(math.isfinite(value) for value in result.values())
 
 
-def test_a_start_with_nothing_compiled_takes_longer_than_one_with():
-    result = bench._starts()
-    assert result["first_start_s"] > result["cached_start_s"] > 0
+def test_both_starts_are_of_the_same_program_with_an_empty_cache_and_with_what_that_left(
+    monkeypatch,
+):
+    begun = []
+
+    def run(command, env, **kinds):
+        assert kinds["check"]
+        folder = Path(env["NUMBA_CACHE_DIR"])
+        begun.append((command, folder, len(list(folder.iterdir()))))
+        (folder / "compiled").touch()
+
+    monkeypatch.setattr(bench.subprocess, "run", run)
+    assert all(seconds > 0 for seconds in bench._starts().values())
+    [(first, folder, nothing), (later, same, something)] = begun
+    assert first == later == [sys.executable, "-m", "workbench", "learn", "--steps", "1000"]
+    assert folder == same and (nothing, something) == (0, 1) and not folder.exists()
 
 
 def test_peers_that_are_not_what_their_name_says_are_left_out(monkeypatch):

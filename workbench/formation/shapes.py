@@ -9,6 +9,8 @@ What a place is relative to (``frame``):
     predecessor  the robot in front: the paper's worm; the column is its only shape
     heading      the leader, by its heading of this moment; a leader that judders swings far places
     path         the leader's trail: a place back along it, and to the side of it
+    follower     the follower's own heading: the leader at a distance and a bearing, as somebody who
+                 knows no heading of its would do it; for comparison, it fails beside the leader
     auto         a column: predecessor; shapes with places less than a window behind the leader
                  (line, circle): heading; others: path
 
@@ -34,7 +36,7 @@ from workbench.robot.geometry import CONTROL_PERIOD
 Floats = NDArray[np.float64]
 TRAIL_M = 9.5  # of its path that a leader's trail holds
 SHAPES = ("column", "line", "wedge", "diamond", "circle", "points", "random")
-FRAMES = ("auto", "predecessor", "heading", "path")
+FRAMES = ("auto", "predecessor", "heading", "path", "follower")
 
 
 @configuration
@@ -45,7 +47,7 @@ class FormationConfig:
     frame: str = choice(
         FRAMES,
         "what places are relative to: the robot in front (the paper), the leader's heading, or its "
-        "path; auto: what suits the shape",
+        "path; follower: its own heading, without the leader's; auto: what suits the shape",
         default="auto",
     )
     spacing_m: float = real(
@@ -104,7 +106,7 @@ class FormationConfig:
 
     @property
     def relative_to(self) -> str:
-        """What places are relative to: "predecessor", "heading" or "path"."""
+        """What places are relative to: one of FRAMES, but for "auto"."""
         if self.frame != "auto":
             return self.frame
         if self.shape == "column":
@@ -267,7 +269,7 @@ def check_shape(
     # on the outside of the tightest curve, with the outer wheel
     reach = aside + track_m / 2
     needed = leader_mps * (1 + reach / radius_m)
-    if config.relative_to == "heading":  # deep places swing out
+    if config.relative_to != "path":  # deep places swing out
         needed = leader_mps * math.hypot(1 + reach / radius_m, depth / radius_m)
     if needed > fastest_mps:
         room = reach * leader_mps / max(fastest_mps - leader_mps, 1e-9)

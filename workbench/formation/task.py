@@ -161,6 +161,7 @@ def _shape(config: ConvoyConfig) -> dict[str, Any]:
     return {
         "any": told.shaped,
         "path": told.relative_to == "path",
+        "own": told.relative_to == "follower",
         "window": told.window_m,
         "gain": 1.0 - math.exp(-CONTROL_PERIOD / told.smooth_s) if told.smooth_s else 1.0,
         "speed": told.place_speed_mps,

@@ -65,6 +65,7 @@ SHAPE = np.dtype(
     [
         ("any", "i8"),
         ("path", "i8"),  # places are along the leader's path
+        ("own", "i8"),  # or in the follower's own frame
         ("window", "f8"),
         ("gain", "f8"),  # of the average of the leader's speed and turning rate
         ("speed", "f8"),
@@ -113,7 +114,23 @@ def locate(task: Any, one: Any, formation: Any, i: int) -> None:
 def see(task: Any, robots: Any, i: int, chance: Any) -> None:
     """Write where the virtual leader of follower i is, with noise."""
     place = robots[i].place
-    tell(task, robots[i], place.ahead_x, place.ahead_y, chance)
+    x, y = place.ahead_x, place.ahead_y
+    if task.shape.own:
+        x, y = _set_point(task, robots[i].pose, robots[0].pose, place)
+    tell(task, robots[i], x, y, chance)
+
+
+@compiled
+def _set_point(task: Any, pose: Any, leader: Any, place: Any) -> tuple[float, float]:
+    """Return where the leader would be if a robot that has it at the place's distance and bearing,
+    in its own frame, had it straight ahead at d*.
+    """
+    dx, dy = leader.x - pose.x, leader.y - pose.y
+    far = max(math.hypot(dx, dy), 1e-9)
+    wanted = max(math.hypot(place.x, place.y), 1e-9)
+    c, s = -place.x / wanted, -place.y / wanted
+    reach = (far - wanted + task.bounds.middle) / far
+    return pose.x + reach * (c * dx + s * dy), pose.y + reach * (c * dy - s * dx)
 
 
 @compiled

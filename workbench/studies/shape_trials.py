@@ -73,6 +73,13 @@ def measure_shapes(trial: ShapeTrial) -> dict[str, float]:
     return numbers
 
 
+def measure_place(trial: ShapeTrial) -> dict[str, float]:
+    """Return losses while learning one place, and how well it is kept there afterwards."""
+    controller, numbers = _driver(trial)
+    config = trial.config.with_seed(trial.config.seed + UNSEEN)
+    return numbers | _kept(controller, config, trial.minutes)
+
+
 def _driver(trial: Trial) -> tuple[Controller, dict[str, float]]:
     make = CONTROLLERS[trial.controller]
     if make is not None:
@@ -88,7 +95,8 @@ def _kept(controller: Controller, config: ConvoyConfig, minutes: float) -> dict[
     steps = convoy.whole()
     motion = Motion.of_steps(steps, None, config.robot)
     told = config.formation
-    found = shape_errors(motion, convoy.goals[0], frame=told.relative_to, window_m=told.window_m)
+    frame = "path" if told.relative_to == "path" else "heading"
+    found = shape_errors(motion, convoy.goals[0], frame=frame, window_m=told.window_m)
     losses = float(np.count_nonzero(steps["event"][:, 1:] & LOSS))
     return {name: float(value) for name, value in found.items()} | {"losses": losses}
 

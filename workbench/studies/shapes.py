@@ -14,12 +14,19 @@ from workbench.measures.comparisons import by_condition
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import beside, dots, one_note
 from workbench.plots.style import note
-from workbench.studies.shape_trials import EIGHT, JUDGED, ShapeTrial, measure_shapes
+from workbench.studies.shape_trials import (
+    EIGHT,
+    FOLLOWERS,
+    JUDGED,
+    ShapeTrial,
+    measure_shapes,
+)
 
 # a wheel on the outside of a curve needs more than the paper's 90 mm/s
 REACH: dict[str, Any] = {"leader_speed_mps": 0.05, "wheel_speed_mps": (0.0, 0.12)}
 RANDOM = FormationConfig(shape="random", frame="heading", spacing_m=0.15)
 WORM, PLACES, RELATIVE = "learned in the worm", "learned at random places", "…, relative actions"
+DISTANCES = "…, reward on distances"
 LAWS = {"carrot": "carrot", "leader-frame": "leader-frame", "l-psi": "l–ψ"}
 # how the leader drives, and what places are relative to
 CALM, ROUGH_PATH, ROUGH = "no judder", "judder, along the path", "judder, by the heading"
@@ -46,6 +53,11 @@ def policies() -> dict[str, tuple[ConvoyConfig, int]]:
             replace(
                 places, actions="relative", wheel_speed_mps=(-0.03, 0.03), action_levels=(7, 7)
             ),
+            400_000,
+        ),
+        # four learn one table together: the reward of each is of the others' places, too
+        DISTANCES: (
+            replace(places, reward="graph", followers=FOLLOWERS, weights="shared"),
             400_000,
         ),
     }
@@ -77,7 +89,7 @@ def shaped(table: pd.DataFrame, world: str) -> pd.DataFrame:
 
 def kept(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw how far followers are from their places."""
-    fig = Figure(figsize=(11.0, 5.2), layout="constrained")
+    fig = Figure(figsize=(11.0, 6.0), layout="constrained")
     fig.set_layout_engine("constrained", w_pad=0.15)  # inches: room for the longest name
     axes = list(fig.subplots(1, len(WORLDS)))
     parts = []
@@ -167,6 +179,30 @@ def carried_over(table: pd.DataFrame) -> Verdict:
     )
 
 
+def distances_are_enough(table: pd.DataFrame) -> Verdict:
+    """Decide F6's first part."""
+    rows = shaped(table, CALM)
+    graph, direct = (rows[rows["who"] == who] for who in (DISTANCES, PLACES))
+    median, most = (
+        graph.groupby("shape")["place_rms_mm"].median().max(),
+        graph["place_rms_mm"].max(),
+    )
+    losses, share = int(graph["losses"].sum()), graph["share_in_place"].min()
+    learning = table[table["shape"].isna()].groupby("who")["learning_losses"].median()
+    return Verdict(
+        "F6, graphs",
+        "A reward on distances between robots alone, of a rigid graph, teaches shapes.",
+        ruling(bool(share >= BAR_SHARE and losses == 0), bool(median <= BAR_WORM_MM)),
+        f"{median:.1f} mm in the median of the worst shape, worst seed {most:.1f} mm (reward "
+        f"on the errors of each: {direct.groupby('shape')['place_rms_mm'].median().max():.1f}), "
+        f"{100 * share:.1f} % or more in place, {losses} losses; while learning "
+        f"{learning[DISTANCES]:.0f} losses of four (one alone: {learning[PLACES]:.0f}); "
+        f"n = {graph['seed'].nunique()}",
+        f"losses, or less than {100 * BAR_SHARE:g} % in place; a shape above {BAR_WORM_MM:g} mm "
+        "leaves it at mostly",
+    )
+
+
 STUDY = Study(
     "shapes",
     __doc__.strip(),
@@ -174,5 +210,5 @@ STUDY = Study(
     function=measure_shapes,
     rows=Rows(("shape",), {(shape,): shape + "_{}" for shape in JUDGED}),
     plots={"shapes": kept},
-    verdicts={"F1": instruction, "F2": carried_over},
+    verdicts={"F1": instruction, "F2": carried_over, "F6, graphs": distances_are_enough},
 )

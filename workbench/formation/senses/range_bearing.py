@@ -193,10 +193,11 @@ def check(config: Any) -> None:
             f"{config.noise_bearing_rad!r} with sensing = {config.sensing!r}; range and bearing "
             "have noise of their own: see range_bearing"
         )
-    if config.formation.relative_to == "path":
+    frame = config.formation.relative_to
+    if frame not in ("predecessor", "heading"):
         raise ValueError(
-            f"ConvoyConfig.sensing = {config.sensing!r} with formation.frame = 'path'; followers "
-            "do not keep the leader's trail in their own odometry: expected 'heading'"
+            f"ConvoyConfig.sensing = {config.sensing!r} with formation.frame = {frame!r}; "
+            "followers hear the leader's heading, and keep no trail of its: expected 'heading'"
         )
     reach = float(np.linalg.norm(config.places, axis=1).max())
     if config.formation.shaped and reach > config.range_bearing.range_m:
