@@ -141,7 +141,7 @@ def chosen(functions: Sequence[Any]) -> Any:
     return _njit(nogil=True, **_INNER)(choose)
 
 
-def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
+def exchanged(function: Any, others: Mapping[Any, Any], module: str, kind: str = "") -> Any:
     """Return a compiled function in which other compiled functions stand in the place of some that
     it calls, directly or through what it calls. All that it calls is compiled anew, without what
     Python would need to call it.
@@ -150,9 +150,10 @@ def exchanged(function: Any, others: Mapping[Any, Any], module: str) -> Any:
         function: of this package.
         others: compiled function → what is called in its place, with the same arguments.
         module: whose exchange it is, one for all functions; its code has a cache of its own.
+        kind: which of several exchanges of that module.
     """
     made = dict(others)
-    variant = f"{module}-{sources.digest(module)}"
+    variant = f"{module}{kind}-{sources.digest(module)}"
 
     def remake(one: Any) -> Any:
         if one in made:

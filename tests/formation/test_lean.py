@@ -12,9 +12,12 @@ from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.own_reward import own_reward
+from workbench.formation.shapes import FormationConfig
 from workbench.learning.config import LearnerConfig
 
 ROLLING = ConvoyConfig(drive="rolling")
+WEDGE = FormationConfig(shape="wedge", frame="heading")
+EIGHT = TrackConfig(shape="eight", radius_m=1.0)
 PLAIN = {
     "paper": ROLLING,
     "planar": ConvoyConfig(drive="planar"),
@@ -26,6 +29,10 @@ PLAIN = {
     "wide": replace(ROLLING, track=TrackConfig(line_width_m=0.03)),
     "slow": replace(ROLLING, compute_time_s=0.06, learner=LearnerConfig(buffer=False)),
     "qrc": replace(ROLLING, learner=LearnerConfig(rule="qrc", eta=1.0)),
+    "wedge": replace(ROLLING, formation=WEDGE, track=EIGHT, leader_speed_mps=0.05),
+    "path": replace(
+        ROLLING, formation=replace(WEDGE, frame="path"), track=EIGHT, leader_speed_mps=0.05
+    ),
     "sarsa": replace(ROLLING, learner=LearnerConfig(rule="expected-sarsa")),
 }
 

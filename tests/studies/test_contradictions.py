@@ -133,6 +133,10 @@ def _f2(table):
     return _put(table, place_rms_mm=99.0, losses=5.0, learning_losses=500.0)
 
 
+def _heading(table):
+    return _put(table, learning_losses=40.0)
+
+
 def _changes(table):
     return _put(table, changes_with_contact=9.0, changes_with_loss=9.0, median_reform_s=99.0)
 
@@ -158,6 +162,8 @@ CONTRADICTING = {
     ("rivals", "rival learners"): _rivals,
     ("shapes", "F1"): _f1,
     ("shapes", "F2"): _f2,
+    ("shapes", "F6, graphs"): _f2,
+    ("set-point", "F2, why"): _heading,
     ("reform", "F1, changes"): _changes,
     ("range-bearing", "F1, heard"): lambda table: _put(table, share_in_place=0.5, losses=99.0),
 }

@@ -342,17 +342,7 @@ def _check(
             "sensing = 'ir-metric' or 'ir-raw': "
             "then the bounds are judged by what the robot sees, too"
         )
-    if isinstance(reward, str) and reward not in shaping.REWARDS:
-        raise ValueError(
-            f"reward = {reward!r}; expected a function of u and v, or one of "
-            f"{', '.join(map(repr, shaping.REWARDS))}; a preset is named by "
-            f"ConvoyConfig(reward={reward!r})"
-        )
-    if config.reward == OWN and reward is None:
-        raise ValueError(
-            f"ConvoyConfig.reward = {OWN!r} without a function; expected reward=, the "
-            "function of the run"
-        )
+    _check_reward(config, reward)
     if config.actions != "wheels":
         raise ValueError(
             f"ConvoyConfig.actions = {config.actions!r}; an environment's actions are speeds of "
@@ -368,4 +358,19 @@ def _check(
         raise ValueError(
             f"formations = {formations!r}, seconds = {seconds!r}; expected at least 1, "
             "and more than 0"
+        )
+
+
+def _check_reward(config: ConvoyConfig, reward: Reward | str | None) -> None:
+    """Refuse a word that is no reward, and a reward of one's own that is not there."""
+    if isinstance(reward, str) and reward not in shaping.REWARDS:
+        raise ValueError(
+            f"reward = {reward!r}; expected a function of u and v, or one of "
+            f"{', '.join(map(repr, shaping.REWARDS))}; a preset is named by "
+            f"ConvoyConfig(reward={reward!r})"
+        )
+    if config.reward == OWN and reward is None:
+        raise ValueError(
+            f"ConvoyConfig.reward = {OWN!r} without a function; expected reward=, the "
+            "function of the run"
         )

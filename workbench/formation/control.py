@@ -196,7 +196,7 @@ def _locate(task: Any, one: Any, formation: Any, i: int) -> None:
     period.x = pose.x
     period.y = pose.y
     period.heading = math.atan2(pose.sin, pose.cos)
-    if task.run.moving:
+    if i < task.run.moving:
         _measure_motion(robot)
     locate(task.sense.locate, task, one, formation, i)
 

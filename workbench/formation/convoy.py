@@ -240,7 +240,7 @@ class Convoy:
                 f"{self.config.followers}"
             )
         self.task["run"]["external"] = robot
-        self.task["run"]["moving"] = True
+        self.task["run"]["moving"] = self.config.followers + 1
 
     def _fleet(self, steps: int) -> NDArray[np.void]:
         """Return the robots' records, (B, followers + 1), as they are before anything happens."""
@@ -347,7 +347,7 @@ class Convoy:
 
     def _loop(self, function: Any) -> Any:
         """Return a function of the loop, the lean one where that does."""
-        return lean(function) if self.plain else function
+        return lean(function, shaped=self.config.formation.shaped) if self.plain else function
 
     @property
     def plain(self) -> bool:

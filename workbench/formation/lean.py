@@ -2,17 +2,18 @@
 time: what most people run first begins sooner.
 
 Plain is: no law drives, poses are the simulator's and taken as they are, robots are as they should
-be, and the learner is one of the kernel's. What such a run does is the same to the last bit with
-the whole loop.
+be, and the learner is one of the kernel's. There is one such loop for followers of the robot in
+front and one for places of a shape. What such a run does is the same to the last bit with the whole
+loop.
 
-Contract: which of the two runs is nobody's to know but the convoy's.
+Contract: which of them runs is nobody's to know but the convoy's.
 """
 
 import functools
 from typing import Any
 
 from workbench.compiled import chosen, compiled, exchanged
-from workbench.formation import body, estimate
+from workbench.formation import body, estimate, virtual
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws import table as laws
 from workbench.formation.laws.law import ControlLaw
@@ -49,7 +50,7 @@ def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
     sense = SENSES[config.sensing]
     return (
         law is None
-        and not config.formation.shaped
+        and (not config.formation.shaped or sense.see_place is virtual.see)
         and not config.estimates
         and config.body.nominal
         and all(getattr(sense, part) is getattr(_TRUTH, part) for part in _PARTS)
@@ -66,7 +67,12 @@ _OTHERS = {
 }
 
 
+_PLACES = {senses.locate: chosen([virtual.locate]), senses.see: chosen([virtual.see])}
+
+
 @functools.cache
-def lean(function: Any) -> Any:
+def lean(function: Any, *, shaped: bool) -> Any:
     """Return a function of ``formation.control`` without what a plain configuration never calls."""
+    if shaped:
+        return exchanged(function, _OTHERS | _PLACES, __name__, "-shaped")
     return exchanged(function, _OTHERS, __name__)

@@ -92,7 +92,7 @@ RUN = np.dtype(
         ("restart", "i8"),  # whether a loss restarts; whether commands wait for an update
         ("delayed", "i8"),
         ("external", "i8"),  # who is driven from outside
-        ("moving", "i8"),  # whether anybody needs the robots' motion
+        ("moving", "i8"),  # of how many robots somebody needs the motion, from the leader on
     ]
 )
 

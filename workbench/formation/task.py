@@ -60,7 +60,7 @@ def fill_task(
             "restart": config.reset == "restart",
             "delayed": config.delay_steps > 0,
             "external": -1,
-            "moving": (SENSES[config.sensing].moving or law is not None or config.formation.shaped),
+            "moving": _moving(config, law),
         },
     }
     # numbers that a record and the configuration call the same
@@ -73,6 +73,15 @@ def fill_task(
         for name, value in values.items():
             task[part][name] = value
     return task
+
+
+def _moving(config: ConvoyConfig, law: ControlLaw | None) -> int:
+    """Return of how many robots the motion is needed: with places the leader's, for senses and laws
+    everybody's.
+    """
+    if SENSES[config.sensing].moving or law is not None:
+        return config.followers + 1
+    return int(config.formation.shaped)
 
 
 def _parts(config: ConvoyConfig) -> dict[str, dict[str, Any]]:

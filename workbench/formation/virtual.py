@@ -34,7 +34,6 @@ from typing import Any
 import numpy as np
 
 from workbench.compiled import compiled
-from workbench.formation.angles import wrap
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.truth import tell
 from workbench.formation.shapes import TRAIL_M
@@ -59,6 +58,7 @@ PLACE = np.dtype(  # m and m/s in the leader's frame, or along and beside its pa
         ("pace", "f8"),  # of the leader itself: its speed and turning rate, averaged
         ("turn", "f8"),
         ("holder", "i8"),  # who has the place of this robot's number
+        ("crumbs", "i8", (3,)),  # of the trail, where it and the ends of its window were last
     ]
 )
 SHAPE = np.dtype(
@@ -99,7 +99,8 @@ def locate(task: Any, one: Any, formation: Any, i: int) -> None:
         leader.place.turn = leader.place.pace * _curvature(robots)
     leader.place.pace += shape.gain * (leader.motion.speed - leader.place.pace)
     leader.place.turn += shape.gain * (leader.motion.turn - leader.place.turn)
-    _drop(robots[0].pose, formation, one.trail)
+    if shape.path:
+        _drop(robots[0].pose, formation, one.trail)
     if shape.hold and formation.periods % shape.hold == 0:
         _draw(shape, robots, one.chance)
     flow(shape, robots)
@@ -178,7 +179,7 @@ def _begin(robots: Any, formation: Any, trail: Any, path: int) -> None:
 @compiled
 def _keep(formation: Any, trail: Any, x: float, y: float, along: float) -> None:
     """Write a crumb: place and arc length."""
-    k = formation.crumbs % trail.shape[0]
+    k = formation.crumbs % CRUMBS
     trail[k, 0] = x
     trail[k, 1] = y
     trail[k, 2] = along
@@ -188,7 +189,7 @@ def _keep(formation: Any, trail: Any, x: float, y: float, along: float) -> None:
 @compiled
 def _drop(pose: Any, formation: Any, trail: Any) -> None:
     """Leave a crumb where the leader is, once it has come far enough."""
-    last = (formation.crumbs - 1) % trail.shape[0]
+    last = (formation.crumbs - 1) % CRUMBS
     dx, dy = pose.x - trail[last, 0], pose.y - trail[last, 1]
     far = math.hypot(dx, dy)
     if far >= CRUMB_M and pose.cos * dx + pose.sin * dy > 0.0:
@@ -196,22 +197,25 @@ def _drop(pose: Any, formation: Any, trail: Any) -> None:
 
 
 @compiled
-def _at(formation: Any, trail: Any, along: float) -> tuple[float, float]:
-    """Return the place on a trail at an arc length, at its ends where it is shorter."""
-    size = trail.shape[0]
-    low = max(formation.crumbs - size, 0)
+def _at(formation: Any, trail: Any, along: float, crumbs: Any, mine: int) -> tuple[float, float]:
+    """Return the place on a trail at an arc length, at its ends where it is shorter.
+
+    Args:
+        crumbs: numbers of crumbs to look from, ``mine`` of which is written: the last one before.
+    """
+    low = max(formation.crumbs - CRUMBS, 0)
     high = formation.crumbs - 1
-    if along <= trail[low % size, 2]:
-        return trail[low % size, 0], trail[low % size, 1]
-    if along >= trail[high % size, 2]:
-        return trail[high % size, 0], trail[high % size, 1]
-    while high - low > 1:
-        middle = (low + high) // 2
-        if trail[middle % size, 2] <= along:
-            low = middle
-        else:
-            high = middle
-    a, b = low % size, high % size
+    if along <= trail[low % CRUMBS, 2]:
+        return trail[low % CRUMBS, 0], trail[low % CRUMBS, 1]
+    if along >= trail[high % CRUMBS, 2]:
+        return trail[high % CRUMBS, 0], trail[high % CRUMBS, 1]
+    k = min(max(crumbs[mine], low), high - 1)
+    while trail[(k + 1) % CRUMBS, 2] <= along:
+        k += 1
+    while trail[k % CRUMBS, 2] > along:
+        k -= 1
+    crumbs[mine] = k
+    a, b = k % CRUMBS, (k + 1) % CRUMBS
     part = (along - trail[a, 2]) / (trail[b, 2] - trail[a, 2])
     return (
         trail[a, 0] + part * (trail[b, 0] - trail[a, 0]),
@@ -223,27 +227,29 @@ def _at(formation: Any, trail: Any, along: float) -> tuple[float, float]:
 def _on_path(task: Any, leader: Any, place: Any, formation: Any, trail: Any) -> None:
     """Find the virtual leader of a place along the leader's path."""
     window = task.shape.window
-    last = (formation.crumbs - 1) % trail.shape[0]
+    last = (formation.crumbs - 1) % CRUMBS
     pose = leader.pose
     # in front of the last crumb, or behind it where the leader has gone back
     beyond = pose.cos * (pose.x - trail[last, 0]) + pose.sin * (pose.y - trail[last, 1])
     end = trail[last, 2] + beyond
     s = end + place.x
-    x, y = _at(formation, trail, s)
+    x, y = _at(formation, trail, s, place.crumbs, 0)
     if s > trail[last, 2] and beyond > 0.0:  # between the last crumb and the leader
         part = (s - trail[last, 2]) / beyond
         x += part * (pose.x - x)
         y += part * (pose.y - y)
     # beside the leader the chord ends where the path does
     middle = min(s, end - window)
-    mx, my = _at(formation, trail, middle)
-    ax, ay = _at(formation, trail, middle - window)
-    bx, by = _at(formation, trail, middle + window)
-    length = max(math.hypot(bx - ax, by - ay), 1e-9)
-    c, sine = (bx - ax) / length, (by - ay) / length
-    first = math.atan2(my - ay, mx - ax)
-    second = math.atan2(by - my, bx - mx)
-    bend = wrap(second - first) / window
+    mx, my = x, y
+    if middle != s:
+        mx, my = _at(formation, trail, middle, place.crumbs, 0)
+    ax, ay = _at(formation, trail, middle - window, place.crumbs, 1)
+    bx, by = _at(formation, trail, middle + window, place.crumbs, 2)
+    ux, uy, vx, vy = mx - ax, my - ay, bx - mx, by - my  # its two halves
+    dx, dy = ux + vx, uy + vy
+    short = 1.0 / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    c, sine = dx * short, dy * short
+    bend = math.atan2(ux * vy - uy * vx, ux * vx + uy * vy) / window
     speed = leader.place.pace
     _stand(task, place, x, y, c, sine, speed * (1.0 - bend * place.y), 0.0, bend * speed)
 
@@ -278,12 +284,15 @@ def _stand(
     y += c * place.y
     ahead = max(ahead + place.speed_x, _SLOWEST)
     aside += place.speed_y
-    place.pace = math.sqrt(ahead * ahead + aside * aside)
+    pace = math.sqrt(ahead * ahead + aside * aside)
+    slow = 1.0 / pace
+    c, s = (c * ahead - s * aside) * slow, (s * ahead + c * aside) * slow
+    place.pace = pace
     place.turn = turn
-    place.ahead_cos = (c * ahead - s * aside) / place.pace
-    place.ahead_sin = (s * ahead + c * aside) / place.pace
-    place.ahead_x = x + task.bounds.middle * place.ahead_cos
-    place.ahead_y = y + task.bounds.middle * place.ahead_sin
+    place.ahead_cos = c
+    place.ahead_sin = s
+    place.ahead_x = x + task.bounds.middle * c
+    place.ahead_y = y + task.bounds.middle * s
 
 
 @compiled

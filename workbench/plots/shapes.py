@@ -62,3 +62,30 @@ def draw_formation(
         ylabel="y in m",
     )
     return ax
+
+
+def seen_alike(
+    distance_m: float, bearing_deg: float, radius_m: float, *, ax: Axes | None = None
+) -> Axes:
+    """Draw robots that all see a leader at the same distance and bearing, each with another
+    heading; the one with the leader's own is filled.
+    """
+    ax = ax or new_axes(4.0, 4.0)
+    _body(ax, (0.0, 0.0, 0.0), radius_m, _LEADER, filled=True)
+    for turned in np.radians(np.arange(0, 360, 30)):
+        towards = turned + np.radians(bearing_deg)
+        at = -distance_m * np.cos(towards), -distance_m * np.sin(towards)
+        _body(ax, (*at, float(turned)), radius_m, _FOLLOWER, filled=turned == 0.0)
+    reach = distance_m + 2.4 * radius_m
+    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=[], yticks=[])
+    return ax
+
+
+def _body(
+    ax: Axes, pose: tuple[float, float, float], radius: float, colour: str, *, filled: bool
+) -> None:
+    """Draw a body with a line where it looks."""
+    x, y, heading = pose
+    ax.add_patch(Circle((x, y), radius, edgecolor=colour, facecolor=colour, fill=filled))
+    ahead = 1.9 * radius * np.cos(heading), 1.9 * radius * np.sin(heading)
+    ax.plot([x, x + ahead[0]], [y, y + ahead[1]], color=colour if not filled else INK)

@@ -20,8 +20,8 @@ parameter of the simulated one.
 
 >>> to_metres(to_counts(0.5)) == to_metres(to_counts(0.501))  # a count is half a per cent
 True
->>> unpack(pack(Report(2, 15, -1.0, 0.05, -0.3)))
-Report(sender=2, about=15, bearing_rad=-1.0062..., speed_mps=0.05, turn_radps=-0.3)
+>>> unpack(pack(Report(sender=2, about=15, bearing_rad=0.0, speed_mps=0.05, turn_radps=-0.3)))
+Report(sender=2, about=15, bearing_rad=0.0, speed_mps=0.05, turn_radps=-0.3)
 
 Contract: bearings are to the left in (-π, π]; a message has four bytes, shorter ones are filled
 from the left.

@@ -95,7 +95,7 @@ def test_every_robot_s_receivers_are_its_own_and_stay():
     ("changes", "message"),
     [
         ({"noise_distance_m": 0.01}, "have noise of their own: see range_bearing"),
-        ({"formation": FormationConfig(shape="wedge", frame="path")}, "do not keep the leader's"),
+        ({"formation": FormationConfig(shape="wedge", frame="path")}, "keep no trail of its"),
     ],
 )
 def test_what_does_not_go_together_is_refused(changes, message):
