@@ -29,9 +29,11 @@ from workbench.formation.laws.table import (
 from workbench.formation.records import PERIOD, ROBOT
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.table import INFRARED, SENSING
+from workbench.formation.shapes import FormationConfig
 from workbench.lab.runs import evaluate, evaluate_seeds, load_run
 from workbench.learning.kernel import new_trace
-from workbench.measures.motion import follow
+from workbench.measures.motion import Motion, follow
+from workbench.measures.shapes import shape_errors
 from workbench.robot.geometry import STEP as STEP_M, TRACK
 from workbench.robot.motors import twist
 
@@ -422,3 +424,32 @@ def test_a_restart_voids_what_was_measured_of_the_predecessor():
             np.abs(convoy.robots["motion"]["speed"]).max() < 0.15
         )  # a jump back to the start would be read as metres per second
     assert lost > 3
+
+
+def test_l_psi_keeps_a_place_beside_the_leader_itself_or_says_why_not():
+    told = FormationConfig(shape="line", frame="heading")
+    calm = TrackConfig(shape="eight", radius_m=1.0, judder="none")
+    config = ConvoyConfig(
+        drive="rolling",
+        formation=told,
+        track=calm,
+        leader_speed_mps=0.05,
+        wheel_speed_mps=(0.0, 0.12),
+    )
+    law = LPsi(leader=True)
+    convoy = Convoy(config, [3], periods=3000, policy=law, threads=1)
+    motion = Motion.of_steps(convoy.whole(), None, config.robot)
+    assert shape_errors(motion, convoy.goals[0])["place_rms_mm"] < 2.0
+    for changes, said in (
+        ({"formation": FormationConfig(shape="wedge", frame="path")}, "expected frame = 'heading'"),
+        ({"noise_distance_m": 0.001}, "expected sensing = 'truth' without noise"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            law.check(replace(config, **changes))
+
+
+def test_at_the_leader_itself_is_the_usual_l_psi_in_a_column_of_one():
+    config = ConvoyConfig(drive="rolling", followers=1)
+    laws = LPsi(), LPsi(leader=True)
+    runs = [Convoy(config, [3], periods=500, policy=law).whole() for law in laws]
+    assert runs[0].tobytes() == runs[1].tobytes()

@@ -233,7 +233,7 @@ def test_random_walk_reaches_the_published_values(beta, lam):
     target = np.array([0.3, 0.7])
     behaviour = np.array([0.5, 0.5])
     learner = GQ(10, 0.01, beta=beta)
-    for _ in range(20_000):
+    for _ in range(10_000):
         learner.begin_episode()
         state = 2
         while True:

@@ -23,6 +23,7 @@ from workbench.formation.laws.table import OUTSIDE
 from workbench.formation.leader import follow_line
 from workbench.formation.reset import FOLLOW
 from workbench.formation.senses.table import locate, see
+from workbench.formation.senses.truth import observe
 from workbench.learning.behaviour import epsilon_at
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.ground import ground_reading
@@ -309,10 +310,24 @@ def _know_ahead(task: Any, robot: Any, ahead: Any) -> None:
     robot.law.ahead_speed = ahead.motion.speed
     robot.law.ahead_turn = ahead.motion.turn
     if task.shape.any:
+        _know_leader(robot, ahead)
         c, s = robot.place.ahead_cos, robot.place.ahead_sin
         robot.law.ahead_speed = robot.place.pace
         robot.law.ahead_turn = robot.place.turn
     robot.law.ahead_heading = math.atan2(s * mine.cos - c * mine.sin, c * mine.cos + s * mine.sin)
+
+
+@compiled
+def _know_leader(robot: Any, leader: Any) -> None:
+    """Tell a follower that has a place where its leader itself is, and how that moves."""
+    mine, its = robot.pose, leader.pose
+    told = robot.law.leader
+    told.distance, told.bearing = observe(mine.x, mine.y, mine.cos, mine.sin, its.x, its.y)
+    told.heading = math.atan2(
+        its.sin * mine.cos - its.cos * mine.sin, its.cos * mine.cos + its.sin * mine.sin
+    )
+    told.speed = leader.place.pace
+    told.turn = leader.place.turn
 
 
 @compiled

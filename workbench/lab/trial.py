@@ -51,6 +51,7 @@ _OTHERS: dict[str, Callable[[ConvoyConfig], Controller] | None] = {
     "learner": None,
     "tractrix": None,
     "l-psi, point half way": lambda config: LPsi(ahead_m=config.middle_m / 2),
+    "l-psi-leader": lambda _: LPsi(leader=True),
     "quantised carrot": quantised_carrot,
     "carrot, tuned": lambda config: TUNED[config.noisy],
 }

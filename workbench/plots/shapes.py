@@ -77,7 +77,8 @@ def seen_alike(
         at = -distance_m * np.cos(towards), -distance_m * np.sin(towards)
         _body(ax, (*at, float(turned)), radius_m, _FOLLOWER, filled=turned == 0.0)
     reach = distance_m + 2.4 * radius_m
-    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=[], yticks=[])
+    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    ax.set_axis_off()
     return ax
 
 

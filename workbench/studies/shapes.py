@@ -27,7 +27,12 @@ REACH: dict[str, Any] = {"leader_speed_mps": 0.05, "wheel_speed_mps": (0.0, 0.12
 RANDOM = FormationConfig(shape="random", frame="heading", spacing_m=0.15)
 WORM, PLACES, RELATIVE = "learned in the worm", "learned at random places", "…, relative actions"
 DISTANCES = "…, reward on distances"
-LAWS = {"carrot": "carrot", "leader-frame": "leader-frame", "l-psi": "l–ψ"}
+LAWS = {
+    "carrot": "carrot",
+    "leader-frame": "leader-frame",
+    "l-psi": "l–ψ",
+    "l-psi-leader": "l–ψ at the leader itself",  # only where places are by its heading
+}
 # how the leader drives, and what places are relative to
 CALM, ROUGH_PATH, ROUGH = "no judder", "judder, along the path", "judder, by the heading"
 WORLDS = {
@@ -75,6 +80,8 @@ def cases() -> Sequence[Case]:
             found.append(({"who": name, "world": world}, trial))
         law = replace(ConvoyConfig(), drive="rolling", **REACH)
         for controller, name in LAWS.items():
+            if controller == "l-psi-leader" and frame != "heading":
+                continue
             trial = ShapeTrial(
                 config=law, controller=controller, minutes=15.0, frame=frame, judder=judder
             )
@@ -89,7 +96,7 @@ def shaped(table: pd.DataFrame, world: str) -> pd.DataFrame:
 
 def kept(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw how far followers are from their places."""
-    fig = Figure(figsize=(11.0, 6.0), layout="constrained")
+    fig = Figure(figsize=(11.0, 7.0), layout="constrained")
     fig.set_layout_engine("constrained", w_pad=0.15)  # inches: room for the longest name
     axes = list(fig.subplots(1, len(WORLDS)))
     parts = []
@@ -98,7 +105,9 @@ def kept(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
         found = found.assign(case=found["shape"] + ", " + found["who"])
         summary = by_condition(found, ["case"], "place_rms_mm", statistic="median")
         order = [f"{shape}, {who}" for who in [*policies(), *LAWS.values()] for shape in JUDGED]
-        summary = summary.set_index("case").loc[order].reset_index()
+        # who does not drive in this world has an empty row, so that rows stay side by side
+        summary = summary.set_index("case").reindex(order).reset_index()
+        summary["seeds"] = int(summary["seeds"].max())
         summary["case"] = summary["case"].str.replace("…,", "random places,")
         dots(summary, "case", xlabel=f"{world}: RMS distance from the place, mm", ax=ax)
         ax.set(xscale="log", xlim=(1.0, 70.0))

@@ -4,7 +4,7 @@ import math
 from typing import Any, ClassVar
 
 from workbench.compiled import compiled
-from workbench.fields import configuration, real
+from workbench.fields import configuration, flag, real
 from workbench.formation.angles import wrap
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws.law import ControlLaw
@@ -51,6 +51,22 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[fl
     """Return (v, ω): see ``l_psi``."""
     law = follower.law
     gain = task.law.gain
+    if gain[3] != 0.0 and task.shape.any:
+        told = law.leader
+        place = follower.place
+        x, y = place.x + gain[2], place.y  # where the point is to be, in the leader's frame
+        return l_psi(
+            told.distance,
+            told.bearing,
+            told.heading,
+            told.speed,
+            told.turn,
+            math.sqrt(x * x + y * y),
+            math.atan2(y, x),
+            gain[2],
+            gain[0],
+            gain[1],
+        )
     return l_psi(
         distance,
         bearing,
@@ -67,7 +83,11 @@ def steer(task: Any, follower: Any, distance: float, bearing: float) -> tuple[fl
 
 @configuration
 class LPsi(ControlLaw):
-    """l-ψ (separation-bearing) control: straight behind the predecessor's heading."""
+    """l-ψ (separation-bearing) control: straight behind the predecessor's heading.
+
+    In a shape it steers at the virtual leader of its place or, as its authors have it, at the
+    leader itself, with the place as separation and angle (places by the leader's heading).
+    """
 
     name: ClassVar[str] = "l-psi"
     needs: ClassVar[tuple[str, ...]] = ("distance", "bearing", "heading", "speed", "turning rate")
@@ -79,8 +99,23 @@ class LPsi(ControlLaw):
         0.001, 0.2, "m", "distance of the controlled point from the axle", default=0.03
     )
 
+    leader: bool = flag("in a shape: steer at the leader itself", default=False)
+
     def check(self, config: ConvoyConfig) -> None:
-        """Refuse a controlled point that does not lie behind the predecessor."""
+        """Refuse a controlled point that does not lie behind the predecessor, and places that are
+        not by its heading where the leader itself is steered at.
+        """
+        if self.leader and config.formation.relative_to not in ("predecessor", "heading"):
+            raise ValueError(
+                f"LPsi.leader = True with formation.frame = {config.formation.relative_to!r}; "
+                "separation and angle are by the leader's heading: expected frame = 'heading'"
+            )
+        if self.leader and (config.noisy or config.sensing != "truth"):
+            raise ValueError(
+                f"LPsi.leader = True with sensing = {config.sensing!r} and noise of "
+                f"{config.noise_distance_m!r} m, {config.noise_bearing_rad!r} rad; it is told "
+                "where the leader truly is: expected sensing = 'truth' without noise"
+            )
         if self.ahead_m >= config.middle_m:
             raise ValueError(
                 f"LPsi.ahead_m = {self.ahead_m!r}; expected less than the wanted distance d* "

@@ -27,6 +27,15 @@ from workbench.robot.geometry import CONTROL_PERIOD
 
 SCHEMA = 1
 
+SEEN_LEADER = np.dtype(  # m, rad, m/s, rad/s
+    [
+        ("distance", "f8"),
+        ("bearing", "f8"),
+        ("heading", "f8"),
+        ("speed", "f8"),
+        ("turn", "f8"),
+    ]
+)
 LAW = np.dtype(
     [
         (
@@ -35,6 +44,7 @@ LAW = np.dtype(
         ),  # what is known of the predecessor: rad relative to own, m/s, rad/s
         ("ahead_speed", "f8"),
         ("ahead_turn", "f8"),
+        ("leader", SEEN_LEADER),  # where the leader itself is, with a shape
         ("left", "i8"),  # the last command, steps/s
         ("right", "i8"),
         ("integral", "f8"),  # of the distance error, m s
