@@ -9,6 +9,7 @@ import pytest
 import workbench as wb
 from workbench.formation.assignment import assign, auction, squared_distances
 from workbench.formation.convoy import Convoy
+from workbench.formation.follower import LOSS
 from workbench.formation.shapes import SHAPES, FormationConfig, places
 from workbench.measures.motion import Motion
 from workbench.measures.shapes import places_in_world, procrustes, reform_s, shape_errors
@@ -377,3 +378,17 @@ def test_contacts_of_info_are_with_anybody():
     _, _, _, _, told = env.step(dict.fromkeys(env.agents, middle))
     assert told["follower_1"]["contact"] and told["follower_4"]["contact"]
     assert not told["follower_3"]["contact"]
+
+
+def test_in_its_own_frame_a_follower_keeps_the_leader_at_a_distance_and_a_bearing():
+    point = (-0.15 * math.cos(math.pi / 3), 0.15 * math.sin(math.pi / 3))  # the leader 60° right
+    told = FormationConfig(shape="points", frame="follower", points=(point,))
+    config = replace(BASE, followers=1, formation=told, sensing="truth-relative")
+    motion, goals, _, steps = _driven(wb.LAWS["carrot"](), config, 4)
+    distance, bearing = (part[600:, 0] for part in motion.errors())
+    assert not np.any(steps["event"] & LOSS)
+    assert distance.mean() == pytest.approx(0.15, abs=0.003)
+    assert np.degrees(bearing.mean()) == pytest.approx(-60, abs=2)
+    # the place of the same name by the leader's heading is another one in a curve
+    by_heading = shape_errors(motion, goals)
+    assert by_heading["place_rms_mm"] > 5

@@ -1,5 +1,6 @@
 """A camera's calibration from drawn pictures of a board, and robots found with it."""
 
+import functools
 import json
 import math
 
@@ -34,16 +35,21 @@ def _texture(board):
     return np.where((x + y) % 2 == 0, 0, 255).astype(np.uint8)
 
 
-def _draw(board, vector, translation):
-    """Return the picture of a board at a pose (board to camera), through the lens."""
+@functools.cache
+def _rays():
+    """Return the ray of every sub-pixel, through the lens."""
     matrix = MATRIX * [[FINE], [FINE], [1]]
     matrix[:2, 2] += (FINE - 1) / 2
     v, u = np.mgrid[0 : FINE * HEIGHT, 0 : FINE * WIDTH]
     pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2).astype(np.float64)
     rays = cv2.undistortPoints(pixels, matrix, LENS).reshape(-1, 2)
-    rays = np.column_stack([rays, np.ones(len(rays))])
+    return np.column_stack([rays, np.ones(len(rays))])
+
+
+def _draw(board, vector, translation):
+    """Return the picture of a board at a pose (board to camera), through the lens."""
     rotation, _ = cv2.Rodrigues(np.array(vector, np.float64))
-    inside = rays @ rotation  # in the board's frame
+    inside = _rays() @ rotation  # in the board's frame
     eye = -rotation.T @ np.array(translation)
     along = -eye[2] / inside[:, 2]
     at = (eye[:2] + inside[:, :2] * along[:, None]) * PX_PER_M - 0.5
