@@ -110,7 +110,7 @@ def kept(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
         summary["seeds"] = int(summary["seeds"].max())
         summary["case"] = summary["case"].str.replace("…,", "random places,")
         dots(summary, "case", xlabel=f"{world}: RMS distance from the place, mm", ax=ax)
-        ax.set(xscale="log", xlim=(1.0, 70.0))
+        ax.set(xscale="log", xlim=(0.7, 70.0))
         ax.set_xticks([1, 2, 5, 10, 20, 50], ["1", "2", "5", "10", "20", "50"])
         ax.minorticks_off()
         ax.axvline(35.0, color="#777777", linestyle=":", linewidth=0.9)
