@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import workbench as wb
 from workbench.formation.body import BodyConfig, draw_bodies
 from workbench.formation.simulated import SimulatedRobot
-from workbench.formation.solo import SoloFollower, drive
+from workbench.formation.solo import SoloFollower
+from workbench.logs.driving import drive
 from workbench.robot.geometry import CONTROL_PERIOD, STEP, TRACK
 from workbench.robot.motors import motor_speed
 from workbench.robot.wire.emulator import Emulator

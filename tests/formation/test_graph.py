@@ -67,7 +67,7 @@ def test_robots_on_one_line_are_refused_whatever_the_edges(shape):
         (((0, 1), (0, 2), (1, 3), (2, 4), (1, 2), (1, 4)), "rank 6"),
         (((0, 0),), r"\(0, 0\); expected two different places of 0"),
         (((0, 5),), r"\(0, 5\); expected .* to 4"),
-        (((0, 1), (1, 0)), "2 edges; expected each once"),
+        (((0, 1), (1, 0)), r"\(0, 1\) twice; expected each once"),
         (((0, 1.5),), "pairs of whole numbers"),
     ],
 )

@@ -442,14 +442,9 @@ def test_l_psi_keeps_a_place_beside_the_leader_itself_or_says_why_not():
     assert shape_errors(motion, convoy.goals[0])["place_rms_mm"] < 2.0
     for changes, said in (
         ({"formation": FormationConfig(shape="wedge", frame="path")}, "expected frame = 'heading'"),
-        ({"noise_distance_m": 0.001}, "expected sensing = 'truth' without noise"),
+        ({"formation": FormationConfig()}, "frame = 'predecessor'; .* expected frame = 'heading'"),
+        ({"noise_distance_m": 0.001}, "expected sensing = 'truth' without noise or filter"),
+        ({"filter": "alpha-beta"}, "expected sensing = 'truth' without noise or filter"),
     ):
         with pytest.raises(ValueError, match=said):
             law.check(replace(config, **changes))
-
-
-def test_at_the_leader_itself_is_the_usual_l_psi_in_a_column_of_one():
-    config = ConvoyConfig(drive="rolling", followers=1)
-    laws = LPsi(), LPsi(leader=True)
-    runs = [Convoy(config, [3], periods=500, policy=law).whole() for law in laws]
-    assert runs[0].tobytes() == runs[1].tobytes()

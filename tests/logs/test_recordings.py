@@ -16,10 +16,11 @@ import pytest
 from workbench import paths
 from workbench.formation.config import SETTINGS
 from workbench.formation.simulated import SimulatedRobot
-from workbench.formation.solo import SoloFollower, drive
+from workbench.formation.solo import SoloFollower
 from workbench.lab.runs import learn
 from workbench.lab.weights import load_weights
 from workbench.logs import importers, sessions
+from workbench.logs.driving import drive
 from workbench.logs.hello import hello
 from workbench.logs.recordings import POSES, Recorder, load_recording
 from workbench.logs.replay import RecordingEnded

@@ -27,7 +27,6 @@ formations.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import gymnasium
@@ -77,7 +76,7 @@ def _with_options(cls: T) -> T:
 
 def _alone(config: ConvoyConfig) -> ConvoyConfig:
     """Return the configuration with the first follower only; what is none is refused later."""
-    return replace(config, followers=1) if isinstance(config, ConvoyConfig) else config
+    return config.alone() if isinstance(config, ConvoyConfig) else config
 
 
 class _Shown:

@@ -4,11 +4,13 @@
                      touches another robot
     shared-shaping   the progress of all together, for each; its own -10
 
+The place is that of the moment: with a shape it sets out from where the follower stands and moves
+to where it is asked at its own speed, so that what is rewarded is to stay on it. A follower of the
+robot in front is as far from its place as that robot is from the point d* straight ahead.
+
 Factors are those of the scenario ``passage`` of VMAS (public repository
 proroklab/VectorizedMultiAgentSimulator), whose robots are as large as e-pucks in its units; the
-rest of the environment is ours, losing the leader ends an episode without a terminal reward. A
-follower of the robot in front is as far from its place as that robot is from the point d* straight
-ahead.
+rest of the environment is ours. Losing the leader ends an episode without a terminal reward.
 
 Contract: pure functions of arrays (B, followers).
 """

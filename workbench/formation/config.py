@@ -543,6 +543,10 @@ class ConvoyConfig:
             ),
         )
 
+    def alone(self) -> "ConvoyConfig":
+        """Return the configuration with the first follower only."""
+        return replace(self, followers=1, formation=replace(self.formation, edges=()))
+
     def with_seed(self, seed: int) -> "ConvoyConfig":
         """Return the same configuration with another seed."""
         return replace(self, seed=seed)

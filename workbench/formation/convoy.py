@@ -57,12 +57,13 @@ from workbench.formation.own_reward import OwnReward, check_reward, trouble
 from workbench.formation.places import track_of
 from workbench.formation.records import CHANCE, FORMATION, PERIOD, ROBOT
 from workbench.formation.reset import FOLLOW
+from workbench.formation.reward import GRAPH
 from workbench.formation.senses.infrared import equip as fit_sensors
 from workbench.formation.senses.sense import EVERYBODY, FOLLOWERS, LEADER, Draw
 from workbench.formation.senses.table import SENSES
 from workbench.formation.shapes import places
 from workbench.formation.streams import CHILDREN, children
-from workbench.formation.task import fill_task, graph_of
+from workbench.formation.task import fill_task, graph_of, terminal_of
 from workbench.formation.virtual import CRUMBS
 from workbench.learning.gq import not_finite
 from workbench.learning.kernel import new_trace
@@ -192,6 +193,8 @@ class Convoy:
         self.task["shape"]["hold"] = told.hold_periods if shape == "random" else 0
         for name, value in graph_of(config).items():
             self.task["graph"][name] = value
+        if config.reward == GRAPH:
+            self.task["reward"]["terminal"] = terminal_of(config)
         for b, place in enumerate(self.robots["place"][:, 1:]):
             here = np.stack([place["x"], place["y"]], axis=-1)
             if not self._formations["crumbs"][b]:  # they line up in a column
@@ -632,6 +635,8 @@ class Convoy:
             "formations": self._formations.copy(),
             "trail": self._trail.copy(),
             "hold": self.task["shape"]["hold"].copy(),
+            "graph": self.task["graph"].copy(),
+            "terminal": self.task["reward"]["terminal"].copy(),
             "weights": self.weights.copy(),
             "trace_ids": self._trace_ids[:, :, :2].copy(),  # the rest is room for φ̄
             "trace_values": self._trace_values[:, :, :1].copy(),
@@ -662,6 +667,8 @@ class Convoy:
         self._formations[:] = state["formations"]
         self._trail[:] = state["trail"]
         self.task["shape"]["hold"] = state["hold"]
+        self.task["graph"] = state["graph"]
+        self.task["reward"]["terminal"] = state["terminal"]
         self.weights[:] = state["weights"]
         self._trace_ids[:, :, :2] = state["trace_ids"]
         self._trace_values[:, :, :1] = state["trace_values"]

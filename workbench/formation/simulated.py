@@ -47,7 +47,7 @@ from workbench.robot.description import EPUCK
 from workbench.robot.geometry import CONTROL_PERIOD
 from workbench.robot.infrared import SENSORS as RING_SENSORS, calibrate, raw_reading
 from workbench.robot.motors import wheel_speed
-from workbench.robot.range_bearing import MOST_HEARD, Report, pack
+from workbench.robot.range_bearing import ROBOTS, Report, pack
 
 GYROSCOPE = 131.0  # counts per °/s
 
@@ -108,7 +108,7 @@ class SimulatedRobot(Robot):
 
     Attributes:
         sent: what it has sent by its range-and-bearing board. The others run no program that takes
-            it; they report on this robot (``robot.range_bearing.Report``), up to number 15.
+            it; they report on this robot (``robot.range_bearing.Report``), robots 0 to 15.
     """
 
     capabilities = frozenset(SENSORS[: SENSORS.index("microphone")]) | {
@@ -154,12 +154,14 @@ class SimulatedRobot(Robot):
                 f"learn = {learn!r} with others = {others!r}; expected 0 or more updates, and "
                 "no law where they learn"
             )
-        self.robot = robot
+        self.robot = self.number = robot
         self._others = others
         self._learn = learn
         self.most_steps = self.config.robot.most_steps
         if self.config.robot != EPUCK:  # what its sensors would read nobody has measured
             self.capabilities = self.capabilities - {"proximity", "light", "calibrate"}
+        if robot >= ROBOTS:  # a report has no number for it
+            self.capabilities = self.capabilities - {"range_bearing", "send"}
         self._furnish = furnish
         self._reflectance = reflectance
         self.lights: dict[str, tuple[int, ...]] = {}
@@ -275,7 +277,7 @@ class SimulatedRobot(Robot):
         told = self.config.range_bearing
         robots = self.convoy.robots[0]
         found: list[float] = []
-        for other in range(min(len(robots), MOST_HEARD)):
+        for other in range(min(len(robots), ROBOTS)):
             if other == self.robot or self._time % told.period:
                 continue
             lost = self._messages.random() < told.message_loss
@@ -285,8 +287,9 @@ class SimulatedRobot(Robot):
                 continue
             motion = robots[other]["motion"]
             speed, turn = float(motion["speed"]), float(motion["turn"])
-            data = pack(Report(other, min(self.robot, MOST_HEARD - 1), its, speed, turn))
-            found += [distance, mine, float(int.from_bytes(data))]
+            data = pack(Report(other, self.robot, its, speed, turn))
+            bearing = math.remainder(mine, 2 * math.pi)
+            found += [distance, bearing, float(int.from_bytes(data))]
         return tuple(found)
 
     def _cast(self, record: Any) -> None:

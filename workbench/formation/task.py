@@ -192,18 +192,23 @@ def graph_of(config: ConvoyConfig) -> dict[str, Any]:
 
 def _reward(config: ConvoyConfig, reward: OwnReward | None) -> dict[str, Any]:
     """Return the fields of the reward."""
+    preset = config.reward in PRESETS
+    return {
+        "preset": PRESETS.index(config.reward) if preset else len(PRESETS),
+        "function": reward.address if reward is not None else 0,
+        "terminal": terminal_of(config, reward),
+    }
+
+
+def terminal_of(config: ConvoyConfig, reward: OwnReward | None = None) -> float:
+    """Return the reward of losing the leader."""
     if config.reward == OWN:
         worst = reward.worst if reward is not None else np.nan
     elif config.reward == GRAPH:
         worst = worst_step(config.edges, config.followers + 1)
     else:
         worst = worst_step_reward(config.reward)
-    preset = config.reward in PRESETS
-    return {
-        "preset": PRESETS.index(config.reward) if preset else len(PRESETS),
-        "function": reward.address if reward is not None else 0,
-        "terminal": terminal_reward(worst, config.learner.gamma, config.terminal_factor),
-    }
+    return terminal_reward(worst, config.learner.gamma, config.terminal_factor)
 
 
 def _learner(config: ConvoyConfig, steps: int) -> dict[str, Any]:

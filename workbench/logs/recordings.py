@@ -191,7 +191,7 @@ class Recorder:
         self._times.append(t_s)
 
     def watch(self, follower: SoloFollower, robot: Robot, t_s: float) -> None:
-        """Record a period of ``formation.solo.drive``; pass it as ``watch=``."""
+        """Record a period of ``driving.drive``; pass it as ``watch=``."""
         self.add(t_s, robot, command=robot.commanded, follower=follower)
 
     def close(self) -> None:

@@ -17,10 +17,11 @@ from workbench import fields
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
 from workbench.formation.senses.table import INFRARED, SENSES
-from workbench.formation.solo import SoloFollower, drive
+from workbench.formation.solo import SoloFollower
 from workbench.lab.progress import report
 from workbench.lab.storage import read_json, refuse_existing
 from workbench.lab.weights import Weights, describe, load_weights, write_weights
+from workbench.logs.driving import drive
 from workbench.logs.recordings import GROUPS, Recorder
 from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -108,7 +109,7 @@ def drive_robot(
     weights = load_weights(run)
     learned = weights.learned(run)
     policy = replace(learned, theta=learned.theta[:1])
-    config = replace(fields.from_dict(ConvoyConfig, weights.about["config"]), followers=1)
+    config = fields.from_dict(ConvoyConfig, weights.about["config"]).alone()
     config = change(config) if change is not None else config
     if hello is not None:
         config = _foreseeing(config, url, Path(hello))

@@ -101,6 +101,7 @@ class Robot(Words):
     most_steps = MAX_STEPS
     wired = False  # whether a robot that drives on stands behind it, however the program ends
     calibration_s = 0.0  # how long calibration may take
+    number = 1  # of a formation, 0 the leader
 
     def __init__(
         self,

@@ -16,7 +16,7 @@ repository demiurge-project/argos3-epuck, erab_firmware), and its conversion of 
             21 bits of a message
 
 Nobody has tried this with a real board. Its published errors could not be read: noise is a
-parameter of the simulated one.
+parameter of the simulated one. A bus without a board may answer zeros, which is "nothing heard".
 
 >>> to_metres(to_counts(0.5)) == to_metres(to_counts(0.501))  # a count is half a per cent
 True
@@ -31,20 +31,29 @@ import math
 import struct
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from workbench import fields
+from workbench.robot.faults import BadReply
+from workbench.robot.wire.sercom import ADC
+
+if TYPE_CHECKING:
+    from workbench.robot.vocabulary import Words
 
 BUS_ADDRESS = 0x40
 DATA_BYTES = 4
 MOST_HEARD = 16  # messages that are taken in a control period
+MOST_WAITING = 16  # the newest, that an emulated board keeps for who does not ask; our choice
 # a range of k exp(a - b counts), in cm: halved every 123 counts; k is a board's own
 _K, _A, _B = 0.0867439, 9.06422, 0.00565075
 _BEARING = 1e-4  # rad
+_TURN_COUNTS = math.ceil(2 * math.pi / _BEARING)
 SET_UP = ((17, 0), (21, 8 * DATA_BYTES), (12, 0), (16, 0))  # register, value
 READ_DATA = (10, 11, 1, 2)
 READ_PLACE = (3, 4, 5, 6)
 WRITE_DATA = (13, 19, 20, 14)
 # what a report has room for: robots 0 to 15, e-puck speeds
-_ROBOTS, _STEPS = 16, 127
+ROBOTS, _STEPS = 16, 127
 _SPEED, _TURN, _ANGLE = 0.001, 0.02, 2 * math.pi / 256  # m/s, rad/s, rad
 
 
@@ -77,12 +86,13 @@ def pack(report: Report) -> bytes:
     cut to what a signed byte holds.
 
     Raises:
-        ValueError: a robot above 15.
+        ValueError: a robot above 15, or a number that is not finite.
     """
     for name in ("sender", "about"):
-        number = getattr(report, name)
-        if not 0 <= number < _ROBOTS:
-            raise ValueError(f"{name} = {number!r}; expected a robot from 0 to {_ROBOTS - 1}")
+        fields.whole(name, getattr(report, name), 0, ROBOTS - 1, "")
+    for name in ("bearing_rad", "speed_mps", "turn_radps"):
+        if not math.isfinite(getattr(report, name)):
+            raise ValueError(f"{name} = {getattr(report, name)!r}; expected a finite number")
     bearing = round(report.bearing_rad / _ANGLE) % 256
     speed = max(-_STEPS, min(_STEPS, round(report.speed_mps / _SPEED)))
     turn = max(-_STEPS, min(_STEPS, round(report.turn_radps / _TURN)))
@@ -90,7 +100,13 @@ def pack(report: Report) -> bytes:
 
 
 def unpack(data: bytes) -> Report:
-    """Return the report in four bytes."""
+    """Return the report in four bytes.
+
+    Raises:
+        ValueError: other than four bytes.
+    """
+    if len(data) != DATA_BYTES:
+        raise ValueError(f"data = {data!r}; expected {DATA_BYTES} bytes, as ``pack`` makes them")
     who, bearing, speed, turn = struct.unpack("<BBbb", data)
     angle = math.remainder(bearing * _ANGLE, 2 * math.pi)
     return Report(who >> 4, who & 15, angle, speed * _SPEED, turn * _TURN)
@@ -109,7 +125,7 @@ def four_bytes(data: bytes) -> bytes:
 
 def to_counts(range_m: float) -> int:
     """Return the reading of a range, 12 bits."""
-    return max(0, min(4095, round((_A - math.log(max(range_m, 1e-3) * 100 / _K)) / _B)))
+    return max(0, min(ADC, round((_A - math.log(max(range_m, 1e-3) * 100 / _K)) / _B)))
 
 
 def to_metres(counts: int) -> float:
@@ -118,28 +134,61 @@ def to_metres(counts: int) -> float:
 
 
 def to_heard(data: Sequence[int], place: Sequence[int]) -> Heard:
-    """Return the message in the registers READ_DATA and READ_PLACE, bytes each."""
-    bearing = (place[0] << 8 | place[1]) * _BEARING
-    return Heard(
-        to_metres(place[2] << 8 | place[3]), math.remainder(bearing, 2 * math.pi), bytes(data)
-    )
+    """Return the message in the registers READ_DATA and READ_PLACE, bytes each.
+
+    Raises:
+        BadReply: a range of more than 12 bits, or a bearing beyond a turn.
+    """
+    bearing, counts = place[0] << 8 | place[1], place[2] << 8 | place[3]
+    if counts > ADC or bearing > _TURN_COUNTS:
+        raise BadReply(
+            f"range {counts}, bearing {bearing}; expected 0 to {ADC}, 0 to {_TURN_COUNTS} counts"
+        )
+    return Heard(to_metres(counts), math.remainder(bearing * _BEARING, 2 * math.pi), bytes(data))
+
+
+class Reporter:
+    """Tells the others how a robot sees them, one of them a period, in turn: what they need to
+    follow it. Who is heard is known once they report, too.
+
+    Args:
+        robot: connected, with a board; ``robot.number`` says which it is.
+    """
+
+    def __init__(self, robot: "Words") -> None:
+        self._robot = robot
+        self._seen: dict[int, float] = {}  # bearings of those who have reported
+        self._next = 0
+
+    def report(self, heard: Sequence[Heard], speed_mps: float, turn_radps: float) -> None:
+        """Note who is where, and send a report on one of them."""
+        for message in heard:
+            self._seen[unpack(message.data).sender] = message.bearing_rad
+        if not self._seen:
+            self._robot.send(pack(Report(self._robot.number, self._robot.number, 0.0, 0.0, 0.0)))
+            return
+        about = sorted(self._seen)[self._next % len(self._seen)]
+        self._next += 1
+        told = Report(self._robot.number, about, self._seen[about], speed_mps, turn_radps)
+        self._robot.send(pack(told))
 
 
 class Board:
     """The registers of an emulated board.
 
     Args:
-        listen: returns what has been heard since it was asked last.
+        listen: returns what has been heard since it was asked last; with True, once time has passed
+            where asking passes time.
         send: sends four bytes.
     """
 
     def __init__(
-        self, listen: Callable[[], Sequence[Heard]], send: Callable[[bytes], None]
+        self, listen: Callable[[bool], Sequence[Heard]], send: Callable[[bytes], None]
     ) -> None:
         self._listen = listen
         self._send = send
         self._waiting: deque[Heard] = deque()
-        self._empty = True  # whether the last one asked for was none
+        self._empty = True  # whether it has said that there was none, the last time
         self._read = dict.fromkeys((*READ_DATA, *READ_PLACE), 0)
         self._written = dict.fromkeys(WRITE_DATA, 0)
 
@@ -156,8 +205,8 @@ class Board:
 
     def _next(self) -> int:
         """Take the next message; return 0 if there is none."""
-        if not self._waiting and self._empty:
-            self._waiting.extend(self._listen())
+        if not self._waiting:
+            self._waiting.extend(self._listen(self._empty))
         self._empty = not self._waiting
         if self._empty:
             return 0

@@ -13,6 +13,7 @@ from workbench.robot.range_bearing import DATA_BYTES, Heard, four_bytes
 class Words(ABC):
     """Readings and devices by name."""
 
+    number: int  # which robot of a formation it is
     most_counts = 2**53  # what a step counter can be set to; 16 bits over a wire
 
     @abstractmethod

@@ -19,9 +19,10 @@ from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.records import ROBOT
 from workbench.formation.reset import FOLLOW, LOST, drive_on
 from workbench.formation.simulated import SimulatedRobot, sense
-from workbench.formation.solo import SoloFollower, drive
+from workbench.formation.solo import SoloFollower
 from workbench.formation.task import fill_task
 from workbench.learning.config import LearnerConfig
+from workbench.logs.driving import drive
 from workbench.measures.errors import true_errors, within
 from workbench.robot.infrared import (
     RAYS,

@@ -105,16 +105,16 @@ class LPsi(ControlLaw):
         """Refuse a controlled point that does not lie behind the predecessor, and places that are
         not by its heading where the leader itself is steered at.
         """
-        if self.leader and config.formation.relative_to not in ("predecessor", "heading"):
+        if self.leader and config.formation.relative_to != "heading":
             raise ValueError(
                 f"LPsi.leader = True with formation.frame = {config.formation.relative_to!r}; "
                 "separation and angle are by the leader's heading: expected frame = 'heading'"
             )
-        if self.leader and (config.noisy or config.sensing != "truth"):
+        if self.leader and (config.noisy or config.estimates or config.sensing != "truth"):
             raise ValueError(
                 f"LPsi.leader = True with sensing = {config.sensing!r} and noise of "
                 f"{config.noise_distance_m!r} m, {config.noise_bearing_rad!r} rad; it is told "
-                "where the leader truly is: expected sensing = 'truth' without noise"
+                "where the leader truly is: expected sensing = 'truth' without noise or filter"
             )
         if self.ahead_m >= config.middle_m:
             raise ValueError(

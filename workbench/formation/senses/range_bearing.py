@@ -12,7 +12,7 @@ on by my odometry, which is wrong by a share, and by the message, and corrected 
 The board that e-pucks have: 12 receivers, 30° apart, up to about 0.8 m. Its published errors could
 not be read here: noise is a parameter, no datum.
 
-Robots of the API hear the same way (``Listener``), over a real wire as well.
+Robots of the API hear the same way (``logs.listener``), over a real wire as well.
 
 Contract: as of ``sense``; without a message the last estimate is moved on.
 """
@@ -28,9 +28,7 @@ from workbench.formation import virtual
 from workbench.formation.angles import wrap
 from workbench.formation.senses.sense import FOLLOWERS, Draw, Sense, Values
 from workbench.formation.streams import own_chance
-from workbench.robot.api import Robot
 from workbench.robot.geometry import CONTROL_PERIOD
-from workbench.robot.range_bearing import unpack
 
 SECTORS = 12
 
@@ -218,53 +216,6 @@ def equip(convoy: Any) -> None:
             board["odometry"] = 1.0 + told.odometry_error * chance.standard_normal(2)
 
 
-class Listener:
-    """Where the robot in front is, by the board of a robot of the API and its step counters: what
-    ``formation.solo.drive`` asks. Its odometry is the robot's own, and the sender reports
-    (``robot.range_bearing.Report``).
-
-    Args:
-        robot: connected; config: the follower's; number: which robot it is, and reports are about;
-            the one before it is followed.
-    """
-
-    def __init__(self, robot: Robot, config: Any, number: int = 1) -> None:
-        robot.enable("range_bearing", "motor_position")
-        self._robot = robot
-        self._config = config
-        self._number = number
-        self._board = np.zeros(1, BOARD)[0]
-        self._counts: tuple[float, ...] | None = None
-
-    def __call__(self) -> tuple[float, float]:
-        """Return distance (m) and bearing (rad) of the robot in front; before it has been heard,
-        twice as far away as anybody can be seen.
-        """
-        board = self._board
-        move_on(board, *self._moved())
-        for heard in self._robot.get_range_bearing():
-            report = unpack(heard.data)
-            if (report.sender, report.about) == (self._number - 1, self._number):
-                board["speed"], board["turn"] = report.speed_mps, report.turn_radps
-                gain = self._config.range_bearing.gain
-                correct(board, gain, heard.range_m, heard.bearing_rad, report.bearing_rad)
-        if not board["any"]:
-            return 2.0 * self._config.sight_m, 0.0
-        x, y = float(board["x"]), float(board["y"])
-        return math.hypot(x, y), math.atan2(y, x)
-
-    def _moved(self) -> tuple[float, float]:
-        """Return how far (m) and by how much (rad) its wheels have turned it since the last
-        call.
-        """
-        counts = self._robot.get_motor_position()
-        before = self._counts or counts
-        self._counts = counts
-        body = self._config.robot
-        left, right = (body.step_m * (now - then) for now, then in zip(counts, before, strict=True))
-        return (left + right) / 2, (right - left) / body.track_m
-
-
 def _spread(config: Any) -> tuple[float, float]:
     told = config.range_bearing
     return told.noise_range_m, told.noise_bearing_rad
@@ -288,5 +239,4 @@ MODE = Sense(
     equip=equip,
     see_place=see,
     needs="range_bearing",
-    observer=Listener,
 )

@@ -94,8 +94,6 @@ class Sense:
         epuck: whether it was measured on e-pucks and fits no other robot.
         see_place: ``see`` for followers that keep places by the leader; None: they cannot.
         needs: what a robot of the API must be capable of.
-        observer: made with a robot of the API and a configuration, tells distance and bearing of
-            the robot in front when it is called; None: what ``robot.observe`` says.
         draws: what is drawn for it.
         robot, task: fields that it adds to ROBOT and TASK.
         fill: values of its fields of TASK; check: raises ValueError for a configuration that makes
@@ -119,7 +117,6 @@ class Sense:
     epuck: bool = False
     see_place: Any = None
     needs: str = "observe"
-    observer: Any = None
     draws: tuple[Draw, ...] = ()
     robot: tuple[tuple[str, np.dtype[Any]], ...] = ()
     task: tuple[tuple[str, np.dtype[Any]], ...] = ()

@@ -12,19 +12,24 @@ Contract: see ``robot.api``. No request waits longer than the link's time-out, b
 to 4 s).
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from workbench.robot.api import Robot
+from workbench import fields
+from workbench.robot.api import PATIENCE_S, Robot
 from workbench.robot.faults import BadReply, LinkTimeout
 from workbench.robot.guardian import GuardedLink
 from workbench.robot.range_bearing import (
     BUS_ADDRESS,
     MOST_HEARD,
+    MOST_WAITING,
     READ_DATA,
     READ_PLACE,
+    ROBOTS,
     SET_UP,
     WRITE_DATA,
+    Heard,
     to_heard,
 )
 from workbench.robot.wire.links import Link, SerialLink
@@ -42,6 +47,7 @@ from workbench.robot.wire.sercom import (
 
 ENTRY = "workbench.robot.wire.epuck1:SerComRobot"
 CALIBRATION_S = 4.0
+AT_ONCE = 8  # requests for the same register: what the robot's receiver holds
 RESET_S = 0.9
 QUIET_S = 0.05
 # more zeros than any command waits for operands end a binary chain, a return ends a line
@@ -68,6 +74,7 @@ class SerComRobot(Robot):
         binary: use the binary protocol for sensors and speeds.
         baud: default: the variant's.
         board: whether a range-and-bearing board is on it, see ``robot.range_bearing``.
+        number: which robot of a formation it is, 0 the leader: what reports on it call it.
         timeout_s: for one reply.
         guardian: put a process between program and wire that stops the robot when the program is
             killed, see ``robot.guardian``.
@@ -88,6 +95,7 @@ class SerComRobot(Robot):
         binary: bool = False,
         baud: int | None = None,
         board: bool = False,
+        number: int = 1,
         timeout_s: float = 0.25,
         guardian: bool = False,
         link: Callable[[], Link] | None = None,
@@ -96,6 +104,8 @@ class SerComRobot(Robot):
         super().__init__(debug=debug, **kinds)
         if variant not in VARIANTS:
             raise ValueError(f"variant = {variant!r}; expected one of {', '.join(VARIANTS)}")
+        if not isinstance(board, bool):
+            raise ValueError(f"board = {board!r}; expected True or False")
         if board and not VARIANTS[variant].bus:
             able = ", ".join(row.name for row in VARIANTS.values() if row.bus)
             raise ValueError(
@@ -108,13 +118,14 @@ class SerComRobot(Robot):
         self.baud = baud or self.variant.baud
         self.timeout_s = timeout_s
         self.capabilities = _capabilities(self.variant, board)
-        self._board_ready = False
+        self.number = fields.whole("number", number, 0, ROBOTS - 1)
+        self._forget_board()
         self._link: Link | None = None
         self._connect = link or (self._open_guarded if guardian else self._open_port)
 
     def _open(self) -> None:
         self._link = self._connect()
-        self._board_ready = False
+        self._forget_board()
 
     def _open_port(self) -> Link:
         return SerialLink(self.address, self.baud, timeout_s=self.timeout_s, clock=self.clock)
@@ -256,22 +267,61 @@ class SerComRobot(Robot):
 
     # the range-and-bearing board, register by register over the bus
 
+    def _forget_board(self) -> None:
+        self._board_ready = False
+        self._messages: list[Heard] = []  # of this exchange
+        self._announced: bool | None = None  # whether there was one, as far as that was heard
+        self._taken = False  # whether a message has been taken that is still to be read
+        self._data: Sequence[int] = ()
+
     def _set_up_board(self) -> None:
-        if not self._board_ready:
-            for register, value in SET_UP:
-                self._ask("W", BUS_ADDRESS, register, value, counts=(0,))
-            self._board_ready = True
+        """Set the board up, once, and forget what it has heard before; there is time of its own for
+        that.
+        """
+        if self._board_ready:
+            return
+        self._limit(self.clock.now() + PATIENCE_S)
+        self._write_registers(SET_UP)
+        for _ in range(MOST_WAITING // AT_ONCE + 1):
+            if 0 in self._registers(*[0] * AT_ONCE):
+                break
+        self._taken = False
+        self._board_ready = True
+        self._limit(self.clock.now() + PATIENCE_S)
 
     def _listen(self) -> tuple[float, ...]:
-        """Return range, bearing and data of what the board has heard, one after the other."""
+        """Return range, bearing and data of what the board has heard, one after the other: what can
+        be read in half a control period, and one message at least. The rest waits in the board. A
+        reply that was no good loses no message that had been announced.
+        """
         self._set_up_board()
-        found: list[float] = []
-        for _ in range(MOST_HEARD):
-            if not self._registers(0)[0]:
+        until = self.clock.now() + (self.period_s / 2 or math.inf)
+        while len(self._messages) < MOST_HEARD:
+            if not self._taken and not self._take():
                 break
-            heard = to_heard(self._registers(*READ_DATA), self._registers(*READ_PLACE))
-            found += [heard.range_m, heard.bearing_rad, float(int.from_bytes(heard.data))]
-        return tuple(found)
+            data = self._data or self._registers(*READ_DATA)
+            self._data = ()
+            self._messages.append(to_heard(data, self._registers(*READ_PLACE)))
+            self._taken = False
+            if self.clock.now() > until:
+                break
+        heard = self._messages
+        self._messages = []
+        told = [(one.range_m, one.bearing_rad, float(int.from_bytes(one.data))) for one in heard]
+        return tuple(number for one in told for number in one)
+
+    def _take(self) -> bool:
+        """Take the next message, with its data in the same go; return whether there was one."""
+        self._data = ()
+        self._announced = None
+        try:
+            _, *data = self._registers(0, *READ_DATA)
+        except (LinkTimeout, BadReply):
+            if self._announced is False:  # the rest says nothing
+                return False
+            raise
+        self._data = tuple(data)
+        return self._taken
 
     def _registers(self, *numbers: int) -> list[int]:
         """Return registers of the board, asked for at once: no more than the receiver holds."""
@@ -282,13 +332,27 @@ class SerComRobot(Robot):
             if echo != (BUS_ADDRESS, number):
                 raise BadReply(f"register {(BUS_ADDRESS, number)} was asked for, {echo} came back")
             [value] = ascii_numbers(self._read_reply(link, "y", self.timeout_s), "y", (1,))
+            if not -128 <= value <= 255:
+                raise BadReply(f"register {number} of the board is {value}; expected a byte")
             values.append(value & 0xFF)  # the firmware's bytes are signed
+            if number == 0:
+                if value not in (0, 1):
+                    raise BadReply(
+                        f"register 0 of the board is {value}; expected 0 or 1: is it on?"
+                    )
+                self._announced = self._taken = value == 1
         return values
+
+    def _write_registers(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """Write registers of the board, told at once."""
+        lines = [ascii_request("W", BUS_ADDRESS, *pair) for pair in pairs]
+        link = self._say(b"".join(lines))
+        for _ in lines:
+            ascii_numbers(self._read_reply(link, "w", self.timeout_s), "w", (0,))
 
     def _send(self, data: tuple[int, ...]) -> None:
         self._set_up_board()
-        for register, value in zip(WRITE_DATA, data, strict=True):
-            self._ask("W", BUS_ADDRESS, register, value, counts=(0,))
+        self._write_registers(list(zip(WRITE_DATA, data, strict=True)))
 
     def _accept(self, sensor: str, values: tuple[int, ...]) -> tuple[float, ...]:
         if sensor in ("proximity", "light"):
@@ -323,7 +387,7 @@ class SerComRobot(Robot):
 
     def _reset(self) -> None:
         self._drive(0, 0)
-        self._board_ready = False
+        self._forget_board()
         until = self.clock.now() + RESET_S
         self._limit(until)
         link = self._say(ascii_request("R"))

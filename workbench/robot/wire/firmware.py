@@ -20,11 +20,12 @@ second time, otherwise whoever owns the body lets time pass. A firmware never ra
 import math
 import re
 import struct
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
 from workbench.robot.api import Robot
-from workbench.robot.range_bearing import BUS_ADDRESS, Board, Heard
+from workbench.robot.range_bearing import BUS_ADDRESS, MOST_WAITING, Board, Heard
 from workbench.robot.wire.epuck2 import (
     COMMAND,
     COMMAND_BYTES,
@@ -96,7 +97,7 @@ class _Body:
         self.sensors = [name for name in able if name in robot.capabilities]
         robot.enable(*self.sensors)
         self._awake = False
-        self._heard_at = -1.0
+        self._heard: deque[Heard] = deque(maxlen=MOST_WAITING)
 
     def sensor(self, name: str) -> list[int]:
         """Return a sensor's values; in lockstep, who reads a sensor again reads it a control period
@@ -105,13 +106,16 @@ class _Body:
         self._look(name)
         return [int(value) for value in self._read[name]()]
 
-    def heard(self) -> tuple[Heard, ...]:
-        """Return the messages of a control period, once."""
+    def heard(self, passing: bool) -> list[Heard]:
+        """Return the messages since it was asked last, in lockstep of a control period later if
+        time may pass.
+        """
         if "range_bearing" not in self.sensors:
-            return ()
-        self._look("range_bearing")
-        heard = () if self._heard_at == self.robot.time_s else self.robot.get_range_bearing()
-        self._heard_at = self.robot.time_s
+            return []
+        if passing and not self._heard:
+            self._look("range_bearing")
+        heard = list(self._heard)
+        self._heard.clear()
         return heard
 
     def send(self, data: bytes) -> None:
@@ -122,11 +126,10 @@ class _Body:
     def _look(self, name: str) -> None:
         """Let time pass where reading does."""
         if not self._awake:
-            self.robot.step()
-            self._awake = True
+            self.live()
         if self._lockstep and not self.held:
             if name in self._seen:
-                self.robot.step()
+                self.live()
                 self._seen.clear()
             self._seen.add(name)
 
@@ -134,6 +137,8 @@ class _Body:
         """Let a control period pass."""
         self.robot.step()
         self._awake = True
+        if "range_bearing" in self.sensors:
+            self._heard.extend(self.robot.get_range_bearing())
 
     def drive(self, left: int, right: int) -> tuple[int, int]:
         most = self.robot.most_steps

@@ -26,9 +26,10 @@ from workbench import paths
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.policy import Policy
 from workbench.formation.simulated import SimulatedRobot
-from workbench.formation.solo import SoloFollower, drive
+from workbench.formation.solo import SoloFollower
 from workbench.lab.runs import learn
 from workbench.lab.storage import write_json, write_table
+from workbench.logs.driving import drive
 from workbench.robot.open import open_robot
 from workbench.robot.wire.emulator import Emulator
 from workbench.studies.tables import update_time_s
