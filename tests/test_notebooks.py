@@ -3,11 +3,8 @@ noise.
 """
 
 import json
-import multiprocessing
 import os
 import re
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 
 import nbformat
 import pytest
@@ -18,19 +15,12 @@ from workbench.notebooks import execute, normalise
 NOTEBOOKS = sorted(paths.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
 
 
-@pytest.fixture(scope="module")
-def running():
-    """Let two processes run the notebooks, one after the other; a test waits for its own."""
-    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield {path: pool.submit(partial(execute, store=False), path) for path in NOTEBOOKS}
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # Jupyter's own: zmq on a loopback port, event loop policies
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_runs_quickly_from_top_to_bottom(path, running):
+def test_notebook_runs_quickly_from_top_to_bottom(path):
     stored = path.read_bytes()
-    running[path].result()
+    execute(path, store=False)
     assert path.read_bytes() == stored
 
 

@@ -341,16 +341,17 @@ class Convoy:
     @functools.cached_property
     def _act_all(self) -> Any:
         """The compiled control period of all formations, all but the physics."""
-        return _for_types(self._loop(control_step), 0, self._arrays)
+        # period by period something else takes the time: shapes get no lean loop of their own there
+        lean_one = self.plain and not self.config.formation.shaped
+        step = lean(control_step, shaped=False) if lean_one else control_step
+        return _for_types(step, 0, self._arrays)
 
     @functools.cached_property
     def _run_formation(self) -> Any:
         """The compiled block of one formation, physics included."""
-        return _for_types(self._loop(run_formation), 0, False, 0, self._arrays)
-
-    def _loop(self, function: Any) -> Any:
-        """Return a function of the loop, the lean one where that does."""
-        return lean(function, shaped=self.config.formation.shaped) if self.plain else function
+        shaped = self.config.formation.shaped
+        block = lean(run_formation, shaped=shaped) if self.plain else run_formation
+        return _for_types(block, 0, False, 0, self._arrays)
 
     @property
     def plain(self) -> bool:
