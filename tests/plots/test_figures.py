@@ -94,6 +94,7 @@ def test_every_published_figure_is_as_its_manifest_says():
         "manifest.json",
         "live_arena.png",
         "change_of_shape.png",
+        "five_shapes.png",
     }  # films: view/filming, reforming
     for name, row in manifest.items():
         for file, digest in row["files"].items():
