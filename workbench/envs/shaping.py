@@ -12,7 +12,7 @@ Factors are those of the scenario ``passage`` of VMAS (public repository
 proroklab/VectorizedMultiAgentSimulator), whose robots are as large as e-pucks in its units; the
 rest of the environment is ours. Losing the leader ends an episode without a terminal reward.
 
-Contract: pure functions of arrays (B, followers).
+Contract: nothing is written; arrays are (B, followers).
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ def far_m(convoy: Convoy, distance: Floats, bearing: Floats) -> Floats:
     """Return how far followers are from their places, m.
 
     Args:
-        distance, bearing: of the robot in front, m and rad.
+        distance, bearing: of the robot in front, m and rad; not needed with a shape.
     """
     if convoy.config.formation.shaped:
         pose = convoy.robots["pose"][:, 1:]

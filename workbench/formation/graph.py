@@ -7,8 +7,9 @@ and d*_ij between the places, follower i's reward of a step is
 
 so that the worst is minus its number of edges, which the terminal reward is made from. What is
 tiled stays as it is. Our choice; the graph theory is that of rigid frameworks: distances hold N
-robots in a shape, up to a shift, a turn and a reflection, where the rigidity matrix (row of edge
-ij: p_i - p_j in i's columns, the negative in j's) has the rank 2N - 3. Robots on one line never
+robots near a shape, up to a shift and a turn, where the rigidity matrix (row of edge ij: p_i - p_j
+in i's columns, the negative in j's) has the rank 2N - 3; another shape far from it may have the
+same lengths. Three and more robots on one line never
 have it: their distances do not feel displacements across (nor much where they are nearly in line: a
 thousandth of an edge counts as nothing).
 
@@ -18,7 +19,7 @@ thousandth of an edge counts as nothing).
 >>> shortest_rigid(square)
 ((0, 1), (0, 3), (1, 2), (2, 3), (0, 2))
 
-Contract: as of ``control``: records are written in place, nothing is allocated.
+Contract: ``grade`` is of the loop: it writes in place and allocates nothing.
 """
 
 import math
@@ -60,7 +61,7 @@ def rigid_rank(robots: int) -> int:
 
 
 def rigidity(points: NDArray[np.float64], edges: Edges) -> int:
-    """Return the rank of the rigidity matrix of points (N, 2) in m."""
+    """Return the rank of the rigidity matrix of points (N, 2) in m, at most 2N - 3."""
     return len(_independent(points, edges))
 
 
@@ -100,7 +101,7 @@ def worst_step(edges: Edges, robots: int) -> float:
 
 
 def check_graph(points: NDArray[np.float64], edges: Edges) -> None:
-    """Refuse edges that are none, and graphs that do not hold points (N, 2).
+    """Refuse pairs that are no edges, and graphs that do not hold points (N, 2).
 
     Raises:
         ValueError: with the value, what was expected, and the remedy.

@@ -9,8 +9,8 @@ which the place moves:
     virtual leader           P = t + d* (cos ψ, sin ψ), with the speed |u|
 
 e_d and o_err are the distance to P less d*, and the bearing of P: tiles, rewards, bounds, resets
-and laws work on them unchanged. r = (-d*, 0) gives the leader itself. On its place, with the
-place's direction, a follower has no error, in curves neither.
+and laws work on them unchanged. r = (-d*, 0) gives the leader itself, while it drives straight on.
+On its place, with the place's direction, a follower has no error, in curves neither.
 
 With frame "path" the leader's pose at a place is that of its trail, as far back as the place: a
 chord over ± the window gives its direction, the two halves its curvature κ, and v (1 - κ r_y), κ v

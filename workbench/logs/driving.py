@@ -66,11 +66,12 @@ def drive(
         seconds: of control periods.
         observer: where distance and bearing come from unless the follower sees by infrared; default
             that of its sensing mode, or ``robot.observe``.
-        watch: called after every decision with follower, robot and the period's time in s, for
-            example a recorder.
+        watch: called at the end of every period, learning included, with follower, robot and the
+            period's time in s, for example a recorder.
         update_s: wall-clock time that an update takes in addition, to be like a slower computer.
 
     Raises:
+        ValueError: no time to drive, or a robot that follows nobody.
         RobotError: see ``robot.faults``; stop has been sent where a channel was alive.
     """
     sees = _eyes(robot, follower, observer)

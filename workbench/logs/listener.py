@@ -1,5 +1,6 @@
 """Where the robot in front is, heard by a robot's range-and-bearing board: the same estimate as in
-the sensing mode ``range-and-bearing``, from what comes over the wire.
+the sensing mode ``range-and-bearing``, from what comes over the wire. Places of shapes are not kept
+this way yet.
 
     with wb.open_robot("board:/dev/rfcomm0") as robot:
         listener = Listener(robot, config)
@@ -53,10 +54,10 @@ class Listener:
         twice as far away as anybody can be seen.
         """
         board = self._board
-        went, turned = self._moved()
+        went, turned, seconds = self._moved()
         move_on(board, went, turned)
         messages = self._robot.get_range_bearing()
-        self._reporter.report(messages, went / CONTROL_PERIOD, turned / CONTROL_PERIOD)
+        self._reporter.report(messages, went / seconds, turned / seconds)
         mine = self._robot.number
         for heard in messages:
             report = unpack(heard.data)
@@ -69,16 +70,18 @@ class Listener:
         x, y = float(board["x"]), float(board["y"])
         return math.hypot(x, y), math.atan2(y, x)
 
-    def _moved(self) -> tuple[float, float]:
-        """Return how far (m) and by how much (rad) its wheels have turned it since the last call;
-        nothing where counters have been set since.
+    def _moved(self) -> tuple[float, float, float]:
+        """Return how far (m) and by how much (rad) its wheels have turned it since the last call,
+        and how many seconds that took; nothing where counters have been set since.
         """
         counts, now = self._robot.get_motor_position(), self._robot.time_s
         before = self._counts or counts
-        most = 2 * self._robot.most_steps * max(now - self._at, CONTROL_PERIOD)
+        seconds = max(now - self._at, CONTROL_PERIOD)
+        most = 2 * self._robot.most_steps * seconds
         self._counts, self._at = counts, now
         body = self._config.robot
-        if max(abs(now - then) for now, then in zip(counts, before, strict=True)) > most:
-            return 0.0, 0.0
-        left, right = (body.step_m * (now - then) for now, then in zip(counts, before, strict=True))
-        return (left + right) / 2, (right - left) / body.track_m
+        steps = [count - then for count, then in zip(counts, before, strict=True)]
+        if max(map(abs, steps)) > most:
+            return 0.0, 0.0, seconds
+        left, right = (body.step_m * count for count in steps)
+        return (left + right) / 2, (right - left) / body.track_m, seconds

@@ -72,7 +72,7 @@ def seen_alike(
     """
     ax = ax or new_axes(4.0, 4.0)
     _body(ax, (0.0, 0.0, 0.0), radius_m, _LEADER, filled=True)
-    for turned in np.radians(np.arange(0, 360, 30)):
+    for turned in np.radians(np.arange(0, 360, 45)):
         towards = turned + np.radians(bearing_deg)
         at = -distance_m * np.cos(towards), -distance_m * np.sin(towards)
         _body(ax, (*at, float(turned)), radius_m, _FOLLOWER, filled=turned == 0.0)
@@ -88,5 +88,6 @@ def _body(
     """Draw a body with a line where it looks."""
     x, y, heading = pose
     ax.add_patch(Circle((x, y), radius, edgecolor=colour, facecolor=colour, fill=filled))
-    ahead = 1.9 * radius * np.cos(heading), 1.9 * radius * np.sin(heading)
-    ax.plot([x, x + ahead[0]], [y, y + ahead[1]], color=colour if not filled else INK)
+    nose = x + 1.5 * radius * np.cos(heading), y + 1.5 * radius * np.sin(heading)
+    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", nose, (x, y), arrowprops=arrow, zorder=3)

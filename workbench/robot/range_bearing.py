@@ -149,7 +149,7 @@ def to_heard(data: Sequence[int], place: Sequence[int]) -> Heard:
 
 class Reporter:
     """Tells the others how a robot sees them, one of them a period, in turn: what they need to
-    follow it. Who is heard is known once they report, too.
+    follow it. Who is heard is known by their reports; until somebody is, it reports on itself.
 
     Args:
         robot: connected, with a board; ``robot.number`` says which it is.
@@ -177,8 +177,9 @@ class Board:
     """The registers of an emulated board.
 
     Args:
-        listen: returns what has been heard since it was asked last; with True, once time has passed
-            where asking passes time.
+        listen: returns what has been heard since it was asked last. It is given whether the board
+            has just said that there was nothing: where asking lets time pass (lockstep), it does so
+            then.
         send: sends four bytes.
     """
 

@@ -73,8 +73,9 @@ def untouched(table: pd.DataFrame) -> Verdict:
         "A self-organising group changes its shape while it drives, without contact.",
         ruling(bool(touched == 0), bool(lost == 0), bool(seconds <= BAR_S)),
         f"{touched:.0f} of {made:.0f} changes of 4, 8 and 16 followers with a contact where places "
-        f"flow, {without:.0f} of {straight['changes'].sum():.0f} where they go straight; "
-        f"{lost:.0f} with a loss; four followers take {seconds:.0f} s (median, n = {len(four)})",
+        f"flow (squared distances, auction), {without:.0f} of {straight['changes'].sum():.0f} "
+        f"where they go straight (squared distances); {lost:.0f} with a loss; "
+        f"four followers take {seconds:.0f} s (median, n = {len(four)})",
         f"a contact; a loss, or more than {BAR_S:g} s with four followers, leave it at mostly",
     )
 

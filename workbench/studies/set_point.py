@@ -47,7 +47,7 @@ def beside_the_leader(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw losses and errors against where the leader is."""
     label = "bearing at which the leader is to be kept, degrees"
     fig = curve_panels(
-        table, "errors", "angle_deg", QUANTITIES, xlabel=label, size=(9.6, 3.8), legends=(0,)
+        table, "errors", "angle_deg", QUANTITIES, xlabel=label, size=(10.4, 3.9), legends=(0,)
     )
     parts = [
         by_condition(table, ["errors", "angle_deg"], value).assign(quantity=value)
@@ -64,8 +64,8 @@ def heading_is_needed(table: pd.DataFrame) -> Verdict:
     place = table.groupby(["errors", "angle_deg"])["place_rms_mm"].median()
     return Verdict(
         "F2, why",
-        "Beside its leader a follower needs the leader's heading; behind it, distance and bearing "
-        "are enough.",
+        "To learn a place beside its leader a follower needs the leader's heading; behind it, "
+        "distance and bearing are enough not to lose it.",
         ruling(more[90] >= BAR_BESIDE, behind <= BAR_BEHIND),
         f"losses while learning at 90°: {median[ALONE, 90]:.0f} without, {median[KNOWN, 90]:.0f} "
         f"with it ({more[90]:.1f} ×); up to {BEHIND}° at most {behind:.1f} ×; RMS from the place "

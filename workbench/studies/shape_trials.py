@@ -58,7 +58,8 @@ def measure_shapes(trial: ShapeTrial) -> dict[str, float]:
     """
     controller, numbers = _driver(trial)
     for shape in JUDGED:
-        told = FormationConfig(shape=shape, frame=trial.frame)
+        spacing_m = trial.config.formation.spacing_m
+        told = FormationConfig(shape=shape, frame=trial.frame, spacing_m=spacing_m)
         config = replace(
             trial.config,
             followers=FOLLOWERS,

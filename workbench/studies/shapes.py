@@ -27,6 +27,7 @@ REACH: dict[str, Any] = {"leader_speed_mps": 0.05, "wheel_speed_mps": (0.0, 0.12
 RANDOM = FormationConfig(shape="random", frame="heading", spacing_m=0.15)
 WORM, PLACES, RELATIVE = "learned in the worm", "learned at random places", "…, relative actions"
 DISTANCES = "…, reward on distances"
+RECOMMENDED = "in the worm, recommended tiles"
 LAWS = {
     "carrot": "carrot",
     "leader-frame": "leader-frame",
@@ -52,7 +53,9 @@ def policies() -> dict[str, tuple[ConvoyConfig, int]]:
     calm: dict[str, Any] = {"action_levels": (9, 9), "formation": RANDOM, "track": EIGHT}
     places = replace(SETTINGS["offset"], **one, **REACH, **calm)
     return {
-        WORM: (replace(SETTINGS["recommended"], **one, **REACH), 100_000),
+        # the same tiles and levels as at random places, so that only where they learned differs
+        WORM: (replace(SETTINGS["offset"], **one, **REACH, action_levels=(9, 9)), 100_000),
+        RECOMMENDED: (replace(SETTINGS["recommended"], **one, **REACH), 100_000),
         PLACES: (places, 400_000),
         RELATIVE: (
             replace(
@@ -96,7 +99,7 @@ def shaped(table: pd.DataFrame, world: str) -> pd.DataFrame:
 
 def kept(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Draw how far followers are from their places."""
-    fig = Figure(figsize=(11.0, 7.0), layout="constrained")
+    fig = Figure(figsize=(11.0, 7.6), layout="constrained")
     fig.set_layout_engine("constrained", w_pad=0.15)  # inches: room for the longest name
     axes = list(fig.subplots(1, len(WORLDS)))
     parts = []
@@ -142,10 +145,11 @@ def instruction(table: pd.DataFrame) -> Verdict:
     held = worst[0] <= BAR_MEDIAN_MM and worst[1] <= BAR_WORST_MM and worst[2] >= BAR_SHARE
     safe = worst[3] == 0 and worst[4] == 0
     rough = numbers[ROUGH_PATH]
+    words = {CALM: CALM, ROUGH_PATH: f"{ROUGH_PATH} (column, wedge, diamond)"}
     because = "; ".join(
-        f"{world}: {median:.1f} mm in the median of the worst shape, worst seed {most:.1f} mm, "
-        f"{100 * share:.2f} % of the time or more within a body radius, {losses} losses, {touched} "
-        f"contacts, n = {n}"
+        f"{words[world]}: {median:.1f} mm in the median of the worst shape, worst seed {most:.1f} "
+        f"mm, {100 * share:.2f} % of the time or more within a body radius, {losses} losses, "
+        f"{touched} contacts, n = {n}"
         for world, (median, most, share, losses, touched, n) in numbers.items()
     )
     return Verdict(
@@ -162,10 +166,11 @@ def instruction(table: pd.DataFrame) -> Verdict:
 def carried_over(table: pd.DataFrame) -> Verdict:
     """Decide F2."""
     rows = shaped(table, CALM)
-    worm, relative = (rows[rows["who"] == who] for who in (WORM, RELATIVE))
+    worm, few, relative = (rows[rows["who"] == who] for who in (WORM, RECOMMENDED, RELATIVE))
     median = worm.groupby("shape")["place_rms_mm"].median().max()
     bad = worm.groupby("seed")["losses"].sum()
     clean, n = int((bad == 0).sum()), int(bad.size)
+    also = int((few.groupby("seed")["losses"].sum() == 0).sum())
     better = relative.groupby("shape")["place_rms_mm"].median().max()
     whole = relative.groupby("seed")["share_in_place"].min()
     kept, runs = int((whole >= BAR_SHARE).sum()), int(whole.size)
@@ -180,8 +185,9 @@ def carried_over(table: pd.DataFrame) -> Verdict:
             bool(better <= BAR_RELATIVE_MM and learning <= BAR_LEARNING and kept == runs),
         ),
         f"worm: {median:.1f} mm in the median of the worst shape, {clean} of {n} policies lose "
-        f"nobody in 60 robot-minutes of each shape; relative: {better:.1f} mm, {kept} of {runs} "
-        f"keep everybody in place, {learning:.0f} losses while learning (medians)",
+        f"nobody in 60 robot-minutes of each shape (with the recommended tiles {also}); relative: "
+        f"{better:.1f} mm, {kept} of {runs} keep everybody in place, {learning:.0f} losses while "
+        "learning (medians)",
         f"a shape above {BAR_WORM_MM:g} mm; a policy that loses somebody, relative actions above "
         f"{BAR_RELATIVE_MM:g} mm, {BAR_LEARNING} losses while learning, or with somebody out of "
         "place leave it at mostly",
