@@ -39,8 +39,8 @@ check-figures: $(READY)
 test: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy workbench & types=$$!; $(BIN)/python -W error -m pytest -n 2 --dist worksteal; tests=$$?; \
-	wait $$types && exit $$tests
+	$(BIN)/mypy workbench
+	$(BIN)/python -W error -m pytest -n 2 --dist worksteal
 
 lab: $(READY)
 	$(BIN)/jupyter lab $(ROOT_ARGS) --notebook-dir=. $(LAB_ARGS) notebooks/00_start_here.ipynb
