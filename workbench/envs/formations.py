@@ -159,7 +159,8 @@ class Formations:
             waiting = waiting[np.any(convoy.robots["choice"]["state"][waiting, 1:] < 0, axis=1)]
             if not len(waiting):
                 self._only(None)
-                self._far[which] = self._far_now(self.truth())[which]
+                if self._shaping:
+                    self._far[which] = self._far_now(self.truth())[which]
                 return
         raise RuntimeError(
             f"formations {waiting.tolist()}: followers that stand within the bounds do not "

@@ -36,8 +36,8 @@ def error_measures(
     x, y, heading = world.pose(formation, follower)
     ahead_x, ahead_y, ahead_heading = world.pose(formation, follower - 1)
     distance, bearing = observe(x, y, math.cos(heading), math.sin(heading), ahead_x, ahead_y)
-    _body(ax, (x, y, heading), CYCLE[0], "follower")
-    _body(ax, (ahead_x, ahead_y, ahead_heading), CYCLE[1], "robot in front")
+    draw_body(ax, (x, y, heading), CYCLE[0], "follower")
+    draw_body(ax, (ahead_x, ahead_y, ahead_heading), CYCLE[1], "robot in front")
     wanted = {"edgecolor": CYCLE[2], "label": f"d* = {1000 * config.middle_m:.0f} mm"}
     ax.add_patch(Circle((x, y), config.middle_m, fill=False, linestyle="--", **wanted))
     ax.plot([x, ahead_x], [y, ahead_y], color="black", linewidth=1)
@@ -72,7 +72,9 @@ def error_measures(
     return ax
 
 
-def _body(ax: Axes, pose: tuple[float, float, float], colour: str, name: str) -> None:
+def draw_body(
+    ax: Axes, pose: tuple[float, float, float], colour: str, name: str = "", alpha: float = 0.35
+) -> None:
     """Draw a robot from above."""
     x, y, heading = pose
     ax.add_patch(
@@ -80,7 +82,7 @@ def _body(ax: Axes, pose: tuple[float, float, float], colour: str, name: str) ->
             (x, y),
             geometry.BODY_RADIUS,
             facecolor=colour,
-            alpha=0.35,
+            alpha=alpha,
             edgecolor=colour,
             label=name,
         )

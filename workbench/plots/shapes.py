@@ -8,7 +8,9 @@ from matplotlib.patches import Circle
 
 from workbench.formation.convoy import Convoy
 from workbench.measures.motion import Motion
+from workbench.plots.diagrams import draw_body
 from workbench.plots.style import CYCLE, INK, new_axes
+from workbench.robot.geometry import BODY_RADIUS
 
 TRAIL = 120  # control periods
 _LEADER, _FOLLOWER = CYCLE[1], CYCLE[0]
@@ -64,30 +66,17 @@ def draw_formation(
     return ax
 
 
-def seen_alike(
-    distance_m: float, bearing_deg: float, radius_m: float, *, ax: Axes | None = None
-) -> Axes:
-    """Draw robots that all see a leader at the same distance and bearing, each with another
-    heading; the one with the leader's own is filled.
+def seen_alike(distance_m: float, bearing_deg: float, *, ax: Axes | None = None) -> Axes:
+    """Draw e-pucks that all see a leader at the same distance and bearing, each with another
+    heading; the one with the leader's own is the dark one.
     """
     ax = ax or new_axes(4.0, 4.0)
-    _body(ax, (0.0, 0.0, 0.0), radius_m, _LEADER, filled=True)
+    draw_body(ax, (0.0, 0.0, 0.0), _LEADER, alpha=0.8)
     for turned in np.radians(np.arange(0, 360, 45)):
         towards = turned + np.radians(bearing_deg)
         at = -distance_m * np.cos(towards), -distance_m * np.sin(towards)
-        _body(ax, (*at, float(turned)), radius_m, _FOLLOWER, filled=turned == 0.0)
-    reach = distance_m + 2.4 * radius_m
+        draw_body(ax, (*at, float(turned)), _FOLLOWER, alpha=0.8 if turned == 0.0 else 0.2)
+    reach = distance_m + 2.4 * BODY_RADIUS
     ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     ax.set_axis_off()
     return ax
-
-
-def _body(
-    ax: Axes, pose: tuple[float, float, float], radius: float, colour: str, *, filled: bool
-) -> None:
-    """Draw a body with a line where it looks."""
-    x, y, heading = pose
-    ax.add_patch(Circle((x, y), radius, edgecolor=colour, facecolor=colour, fill=filled))
-    nose = x + 1.5 * radius * np.cos(heading), y + 1.5 * radius * np.sin(heading)
-    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", nose, (x, y), arrowprops=arrow, zorder=3)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from workbench.formation.shapes import FormationConfig
 from workbench.lab.study import Case, Study
-from workbench.measures.comparisons import by_condition
+from workbench.measures.comparisons import by_quantity
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.comparisons import curve_panels
 from workbench.studies.shape_trials import ShapeTrial, measure_place
@@ -49,11 +49,7 @@ def beside_the_leader(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     fig = curve_panels(
         table, "errors", "angle_deg", QUANTITIES, xlabel=label, size=(10.4, 3.9), legends=(0,)
     )
-    parts = [
-        by_condition(table, ["errors", "angle_deg"], value).assign(quantity=value)
-        for value in QUANTITIES
-    ]
-    return fig, pd.concat(parts)
+    return fig, by_quantity(table, ["errors", "angle_deg"], QUANTITIES)
 
 
 def heading_is_needed(table: pd.DataFrame) -> Verdict:
