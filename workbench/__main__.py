@@ -538,7 +538,7 @@ def _run(given: list[str]) -> int:
         if not isinstance(result, dict):  # help was asked for
             return int(result or 0)
         code: int = result.pop("code", 0)
-        result["wall_s"] = round(time.perf_counter() - begun, 1)
+        result["wall_s"] = round(time.perf_counter() - begun, 3)
         from workbench.lab.storage import plain
 
         values = plain(result)
