@@ -53,6 +53,7 @@ $(READY): environment.txt pyproject.toml
 	[ "$$want" = "$$have" ] && clear= || clear=--clear; $(PYTHON) -m venv $$clear .venv
 	@echo "installing some 130 packages into .venv (about 1.6 GB, a minute or two) ..."
 	$(BIN)/python -m pip install --disable-pip-version-check -r environment.txt
+	$(BIN)/python -c "import workbench; workbench.prepare()"
 	@touch $@
 
 clean:

@@ -61,7 +61,7 @@ def test_no_room_has_more_than_a_fifth_of_the_lines():
     assert max(shares.values()) <= 0.2, sorted(shares.items(), key=lambda item: -item[1])[:3]
 
 
-LOOP = {"formation_step", "choose"}  # the compiled loop's two
+LOOP = {"formation_step", "act"}  # the compiled loop's two
 
 
 def test_functions_are_short_and_take_few_arguments():

@@ -39,6 +39,7 @@ from workbench import sources
 # exception but a number that is not finite, which lets loops be vectorised; C calls nothing of it
 _BARE: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "no_cfunc_wrapper": True}
 _INNER: dict[str, Any] = _BARE | {"no_cpython_wrapper": True}  # Python does not call it either
+_MERGED: dict[str, Any] = _BARE | {"inline": "always"}
 F = TypeVar("F", bound=Callable[..., object])
 _njit: Any = numba.njit  # its declaration leaves out options
 _KEPT = 3  # folders of earlier sources, of every module
@@ -118,6 +119,14 @@ def compiled(function: F) -> Dispatcher[F]:
     return _cached(function, **_BARE)
 
 
+def compiled_into_caller(function: F) -> Dispatcher[F]:
+    """Return the function compiled as by ``compiled``, as a part of who calls it: for one that
+    contains much and is called in one place. On its own, all that it contains would be optimised
+    once more.
+    """
+    return _cached(function, **_MERGED)
+
+
 def compiled_with_arrays(function: F) -> Dispatcher[F]:
     """Return the function compiled as by ``compiled``, for one that makes new arrays."""
     return _cached(function)
@@ -169,7 +178,10 @@ def exchanged(function: Any, others: Mapping[Any, Any], module: str, kind: str =
         if plain.__closure__ is None:  # else it is a table's, which has been exchanged or is small
             copy = FunctionType(plain.__code__, plain.__globals__ | new, plain.__name__)
             options = _BARE if one is function else _INNER
-            made[one] = _cached(copy, variant=variant, **options)
+            merged = {
+                name: one.targetoptions[name] for name in _MERGED if name in one.targetoptions
+            }
+            made[one] = _cached(copy, variant=variant, **options | merged)
         return made[one]
 
     return remake(function)

@@ -27,7 +27,6 @@ PLAIN = {
     "restart": replace(ROLLING, reset="restart"),
     "shared": replace(ROLLING, weights="shared"),
     "wide": replace(ROLLING, track=TrackConfig(line_width_m=0.03)),
-    "slow": replace(ROLLING, compute_time_s=0.06, learner=LearnerConfig(buffer=False)),
     "qrc": replace(ROLLING, learner=LearnerConfig(rule="qrc", eta=1.0)),
     "wedge": replace(ROLLING, formation=WEDGE, track=EIGHT, leader_speed_mps=0.05),
     "path": replace(
@@ -53,6 +52,7 @@ def test_whoever_needs_more_gets_the_whole_loop():
         "camera": replace(ROLLING, sensing="camera"),
         "infrared": SETTINGS["infrared"],
         "body": replace(ROLLING, body=BodyConfig(slip=0.1)),
+        "no buffer": replace(ROLLING, learner=LearnerConfig(buffer=False)),
         "rule": replace(ROLLING, learner=LearnerConfig(rule="true-online-sarsa")),
     }
     for config in more.values():

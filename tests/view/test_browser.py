@@ -134,9 +134,12 @@ def lab(tmp_path_factory):
 
 
 def _kernel(server):
+    """Return the process of the notebook's kernel; what it starts has its name until it is another
+    program.
+    """
     [kernel] = [
         child
-        for child in psutil.Process(server.pid).children(recursive=True)
+        for child in psutil.Process(server.pid).children()
         if any("ipykernel_launcher" in part for part in child.cmdline())
     ]
     return kernel

@@ -17,7 +17,7 @@ from workbench.arena.floor import floor_darkness
 from workbench.arena.world import read_pose, write_command
 from workbench.compiled import compiled
 from workbench.formation.body import drive_body
-from workbench.formation.follower import LEARNED, LOSS, Memory, act, learn
+from workbench.formation.follower import LEARNED, LOSS, Memory, act, learn, remember
 from workbench.formation.graph import grade
 from workbench.formation.laws.table import OUTSIDE
 from workbench.formation.leader import follow_line
@@ -164,11 +164,12 @@ def _formation_step(one: Any, b: int) -> int:
         if i == task.run.external:  # somebody else drives this robot
             continue
         if task.law.number:
-            _know_ahead(task, robot, robots[robot.ahead])
+            know_ahead(task, robot, robots[robot.ahead])
         robot.learning.epsilon = epsilon if robot.learning.learns else 0.0
         robot.learning.chance = one.chance[i].explore
         robot.learning.room = formation.updates < formation.budget
-        flags |= _act(task, one, formation, i)
+        left, right, finite = act(task, robot, periods[i], _memory(one, i))
+        flags |= _settle(task, one, formation, i, left, right, finite)
     # then all learn; the physics of this period is still to come
     for i in range(1, robots.size):
         if not learn(task, robots[i], _memory(one, i)):
@@ -213,12 +214,14 @@ def _sense(task: Any, robots: Any, i: int, chance: Any) -> None:
 
 
 @compiled
-def _act(task: Any, one: Any, formation: Any, i: int) -> int:
-    """Let follower i act; return flags."""
+def _settle(
+    task: Any, one: Any, formation: Any, i: int, left: int, right: int, finite: bool
+) -> int:
+    """Let follower i carry out what it has chosen, and remember it; return flags."""
     robot = one.robots[i]
     period = one.block[i]
     slip = one.chance[i].slip
-    left, right, finite = act(task, robot, period, _memory(one, i))
+    remember(robot, left, right)
     if task.law.number == OUTSIDE and robot.reset.phase == FOLLOW:
         return 0
     learned = period.event & LEARNED
@@ -301,7 +304,7 @@ def _measure_motion(robot: Any) -> None:
 
 
 @compiled
-def _know_ahead(task: Any, robot: Any, ahead: Any) -> None:
+def know_ahead(task: Any, robot: Any, ahead: Any) -> None:
     """Tell a follower its predecessor's relative heading, speed and turning rate, or those of its
     place.
     """

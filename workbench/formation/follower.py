@@ -179,6 +179,14 @@ def learn(task: Any, follower: Any, memory: Any) -> bool:
 
 
 @compiled
+def learn_at_once(task: Any, follower: Any, memory: Any) -> bool:
+    """Learn from the transition that has just ended, without the update buffer; return as ``learn``
+    does.
+    """
+    return learn(task, follower, memory) if not task.learner.buffer else True
+
+
+@compiled
 def _update(task: Any, follower: Any, memory: Any, gamma: float, count: int) -> bool:
     """Call the rule's update with φ̄ of ``count`` entries; return whether it stayed finite."""
     learning = follower.learning
@@ -312,9 +320,20 @@ def _finish(task: Any, follower: Any, period: Any, reward: float, next_state: in
 
 
 @compiled
+def _begin(follower: Any, period: Any) -> None:
+    """Let nothing have happened yet in a control period."""
+    period.state = -1
+    period.action = -1
+    period.event = BLINDED if follower.infrared.blind else 0
+    period.distance_error = 0.0
+    period.bearing = 0.0
+    period.reward = 0.0
+
+
+@compiled
 def act(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, bool]:
     """Observe, finish the running transition (without the update buffer: learn it) and choose wheel
-    commands, which are remembered.
+    commands.
 
     What is observed stands in ``follower.seen``: distance and bearing of the predecessor, m and
     rad. ``follower.learning`` has ε and one uniform number in [0, 1) to explore by, and whether the
@@ -327,22 +346,7 @@ def act(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, b
     Returns:
         (left, right, finite): commands in whole steps/s; False where learning diverged.
     """
-    period.state = -1
-    period.action = -1
-    period.event = 0
-    period.distance_error = 0.0
-    period.bearing = 0.0
-    period.reward = 0.0
-    left, right, finite = _choose(task, follower, period, memory)
-    follower.command.left = left
-    follower.command.right = right
-    if follower.infrared.blind:
-        period.event |= BLINDED
-    return left, right, finite
-
-
-@compiled
-def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, int, bool]:
+    _begin(follower, period)
     distance, bearing = perceive(task, follower)
     follower.seen.perceived_distance = distance
     follower.seen.perceived_bearing = bearing
@@ -362,8 +366,7 @@ def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
     if follower.choice.state >= 0:
         reward = task.reward.terminal if lost else reward_at(task, follower, e_d, bearing)
         _finish(task, follower, period, reward, state)
-        if not task.learner.buffer:
-            finite = learn(task, follower, memory)
+        finite = learn_at_once(task, follower, memory)
     if lost:
         period.event |= LOSS
         follower.choice.state = -1
@@ -385,6 +388,13 @@ def _choose(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
     choice.distance_error = follower.seen.distance - task.bounds.middle
     choice.bearing = follower.seen.bearing
     return left, right, finite
+
+
+@compiled
+def remember(follower: Any, left: int, right: int) -> None:
+    """Note the command of a follower that has acted."""
+    follower.command.left = left
+    follower.command.right = right
 
 
 @compiled

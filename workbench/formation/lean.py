@@ -13,7 +13,7 @@ import functools
 from typing import Any
 
 from workbench.compiled import chosen, compiled, exchanged
-from workbench.formation import body, estimate, virtual
+from workbench.formation import body, control, estimate, follower, graph, virtual
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws import table as laws
 from workbench.formation.laws.law import ControlLaw
@@ -45,6 +45,22 @@ def _as_seen(task: Any, follower: Any) -> tuple[float, float]:
     return follower.seen.distance, follower.seen.bearing
 
 
+@compiled
+def _no_predecessor(task: Any, robot: Any, ahead: Any) -> None:
+    """Do nothing, in the place of ``control.know_ahead``: only laws ask."""
+
+
+@compiled
+def _no_grade(task: Any, robots: Any) -> None:
+    """Do nothing, in the place of ``graph.grade``: only shapes have places."""
+
+
+@compiled
+def _no_learning(task: Any, follower: Any, memory: Any) -> bool:
+    """Do nothing, in the place of ``follower.learn_at_once``: with the buffer all learn later."""
+    return True
+
+
 def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
     """Return whether a convoy needs nothing but the lean loop."""
     sense = SENSES[config.sensing]
@@ -53,6 +69,7 @@ def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
         and (not config.formation.shaped or sense.see_place is virtual.see)
         and not config.estimates
         and config.body.nominal
+        and config.learner.buffer
         and all(getattr(sense, part) is getattr(_TRUTH, part) for part in _PARTS)
         and RULES[config.learner.rule].update is rules.gq_step
     )
@@ -61,12 +78,15 @@ def is_plain(config: ConvoyConfig, law: ControlLaw | None) -> bool:
 _OTHERS = {
     **{getattr(senses, part): chosen([getattr(_TRUTH, part)]) for part in _PARTS},
     laws.steer: _no_law,
+    follower.learn_at_once: _no_learning,
+    control.know_ahead: _no_predecessor,
     body.drive_body: _no_body,
     estimate.perceive: _as_seen,
     rules.update: chosen([rules.gq_step]),
 }
 
 
+_LINE = {graph.grade: _no_grade}
 _PLACES = {senses.locate: chosen([virtual.locate]), senses.see: chosen([virtual.see])}
 
 
@@ -75,4 +95,4 @@ def lean(function: Any, *, shaped: bool) -> Any:
     """Return a function of ``formation.control`` without what a plain configuration never calls."""
     if shaped:
         return exchanged(function, _OTHERS | _PLACES, __name__, "-shaped")
-    return exchanged(function, _OTHERS, __name__)
+    return exchanged(function, _OTHERS | _LINE, __name__)

@@ -38,7 +38,9 @@ def _decide(task: Any, follower: Any, period: Any, memory: Any) -> tuple[int, in
     if task[0].infrared.sees:
         seen = follower[0].seen
         seen.distance, seen.bearing = look(task[0], follower[0])
-    return kernel.act(task[0], follower[0], period[0], memory)
+    left, right, finite = kernel.act(task[0], follower[0], period[0], memory)
+    kernel.remember(follower[0], left, right)
+    return left, right, finite
 
 
 @compiled

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arena.neighbours import sort_by_place
-from workbench.compiled import compiled, compiled_with_arrays
+from workbench.compiled import compiled
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.follower import GAVE_UP, LOSS, RECOVERED, TIMED_OUT
 from workbench.formation.records import PERIOD
@@ -88,6 +88,8 @@ class Recorder:
             self._last[-1:],
             sums[:, SUMS.index("collisions")],
             2 * self.config.robot.body_radius_m,
+            np.arange(self.config.followers + 1),
+            np.zeros((2, self.config.followers + 1)),
         )
         self._rows.append(sums)
         self._visits.append(visits)
@@ -169,17 +171,20 @@ def _reduce(block: Any, sums: Any, visits: Any) -> None:
             row[12] += step.phase == LOST
 
 
-@compiled_with_arrays
-def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None:
+@compiled
+def count_collisions(
+    block: Any, before: Any, counts: Any, touch: float, order: Any, places: Any
+) -> None:
     """Add to counts (followers,) how often each began to touch a robot in front of it in line.
 
     Args:
         block: (periods, robots) of PERIOD; before: (0 or 1, robots), the period before it.
         touch: distance between centres in m below which two robots touch.
+        order: (robots,) int64, the numbers of all robots; places: (2, robots) of float64; to work
+            with.
     """
     robots = block.shape[1]
-    x, y = np.empty(robots), np.empty(robots)
-    order = np.arange(robots)
+    x, y = places[0], places[1]
     for t in range(block.shape[0]):
         for i in range(robots):
             x[i], y[i] = block[t, i].x, block[t, i].y
@@ -187,7 +192,9 @@ def count_collisions(block: Any, before: Any, counts: Any, touch: float) -> None
         # from left to right, only those close behind can touch it
         for n in range(robots):
             for m in range(n + 1, robots):
-                i, j = max(order[n], order[m]), min(order[n], order[m])
+                i, j = order[n], order[m]
+                if i < j:
+                    i, j = j, i
                 dx, dy = x[i] - x[j], y[i] - y[j]
                 if abs(dx) >= touch:
                     break

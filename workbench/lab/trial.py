@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.drives.table import DRIVES
 from workbench.arena.tracks import Track, TrackConfig
 from workbench.fields import choice, configuration, integer, part, real
 from workbench.formation.config import ConvoyConfig
@@ -73,6 +74,15 @@ class Trial:
         0, 10**9, "", "updates over which schedules are stretched, 0 for steps", default=0
     )
     minutes: float = real(0.1, 1e4, "min", "simulated time of the greedy evaluation", default=30.0)
+    judged: str = choice(
+        ("same", *DRIVES), "the drive that it is judged on; same: as it learned", default="same"
+    )
+
+    @property
+    def unseen(self) -> ConvoyConfig:
+        """The configuration that it is judged in: another track, other noise."""
+        drive = self.config.drive if self.judged == "same" else self.judged
+        return replace(self.config, seed=self.config.seed + UNSEEN, drive=drive)
 
 
 def measure(trial: Trial) -> dict[str, float]:
@@ -83,7 +93,7 @@ def measure(trial: Trial) -> dict[str, float]:
 
 
 def _numbers_of(trial: Trial, run: Run) -> dict[str, float]:
-    judged = replace(trial.config, seed=trial.config.seed + UNSEEN, reset="manoeuvre")
+    judged = replace(trial.unseen, reset="manoeuvre")
     learned = run.summary
     greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary
     late = ("losses_per_hour", "rms_distance_error_mm", "bearing_std_deg")
@@ -114,7 +124,7 @@ def measure_widely(trial: Trial) -> dict[str, float]:
     result = {}
     run = learn(trial.config, steps=trial.steps, progress=False)
     for name, track in OTHER_TRACKS.items():
-        judged = replace(trial.config, seed=trial.config.seed + UNSEEN, track=track)
+        judged = replace(trial.unseen, track=track)
         greedy = evaluate(run.policy, judged, minutes=trial.minutes / 3, progress=False).summary
         for key in ("losses", "rms_distance_error_mm", "bias_mm", "ripple_mm", "bearing_std_deg"):
             result[f"{name}_{key}"] = _number(greedy[key])

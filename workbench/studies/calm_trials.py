@@ -21,7 +21,7 @@ from workbench.fields import configuration, real
 from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.table import Controller
-from workbench.lab.runs import UNSEEN, learn
+from workbench.lab.runs import learn
 from workbench.lab.trial import TUNED, Trial
 from workbench.measures.errors import summary
 from workbench.measures.motion import chatter, follow
@@ -37,6 +37,7 @@ OUTPUTS: dict[str, dict[str, Any]] = {
     "interpolated": {"output": "interpolated", "trim": 0.0},
     "interpolated, trim": {"output": "interpolated", "trim": 0.01},
 }
+MAIN = "interpolated, trim"
 LONG = (("none", "none"), ("2 mm, 2°", "alpha-beta"))  # noise and filter of the whole drives
 SHORT = 6.0  # drives that are compared with each other only are that much shorter
 
@@ -62,17 +63,18 @@ def noisy(config: ConvoyConfig, noise: str) -> ConvoyConfig:
 
 
 def measure_calm(trial: Trial) -> dict[str, float]:
-    """Return losses while learning, and drives by every output with every noise, filtered or not;
-    of the tuned law, drives without and with a filter.
+    """Return losses while learning, drives by every output without noise, and by the calm one with
+    every noise, filtered or not; the same of the tuned law.
     """
-    config = replace(trial.config, seed=trial.config.seed + UNSEEN)
     found: dict[str, float] = {}
     drives: dict[tuple[str, str, str], tuple[Controller, dict[str, Any]]] = {}
     if trial.controller == "learner":
         run = learn(trial.config, steps=trial.steps, progress=False)
         found["learning_losses"] = float(run.summary["losses"])
         for noise in NOISES:
-            for output, options in OUTPUTS.items():
+            # what is not calm without noise is not driven with it
+            outputs = OUTPUTS if noise == "none" else {MAIN: OUTPUTS[MAIN]}
+            for output, options in outputs.items():
                 for kept in ("none", "alpha-beta") if noise != "none" else ("none",):
                     drives[output, noise, kept] = run.policy, options
     else:
@@ -80,9 +82,9 @@ def measure_calm(trial: Trial) -> dict[str, float]:
             for kept in ("none", "alpha-beta") if noise != "none" else ("none",):
                 drives["law", noise, kept] = TUNED[noise != "none"], {}
     for (output, noise, kept), (controller, options) in drives.items():
-        main = output in ("interpolated, trim", "law") and (noise, kept) in LONG
+        main = output in (MAIN, "law") and (noise, kept) in LONG
         minutes = trial.minutes if main else max(trial.minutes / SHORT, 2.0)
-        world = replace(noisy(config, noise), filter=kept, **options)
+        world = replace(noisy(trial.unseen, noise), filter=kept, **options)
         numbers = judged(controller, world, minutes)
         found |= {f"{output}|{noise}|{kept}|{key}": value for key, value in numbers.items()}
     return found

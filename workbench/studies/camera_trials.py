@@ -22,7 +22,7 @@ from workbench.formation.convoy import Convoy
 from workbench.formation.follower import LOSS
 from workbench.formation.policy import Policy
 from workbench.formation.senses.table import CAMERA
-from workbench.lab.runs import UNSEEN, evaluate, learn
+from workbench.lab.runs import evaluate, learn
 from workbench.lab.trial import Trial
 from workbench.measures.errors import summary, true_errors
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -35,7 +35,7 @@ def measure_camera(trial: Trial, *, pixel_minutes: float = PIXEL_MINUTES) -> dic
     fast model.
     """
     run = learn(trial.config, steps=trial.steps, progress=False)
-    judged = trial.config.with_seed(trial.config.seed + UNSEEN)
+    judged = trial.unseen
     assert isinstance(run.policy, Policy)
     learned = run.summary
     greedy = evaluate(run.policy, judged, minutes=trial.minutes, progress=False).summary

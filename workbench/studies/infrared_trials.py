@@ -27,7 +27,6 @@ from workbench.formation.policy import Policy
 from workbench.formation.reset import FOLLOW
 from workbench.formation.simulated import SimulatedRobot
 from workbench.formation.solo import SoloFollower
-from workbench.lab.runs import UNSEEN
 from workbench.lab.trial import Trial
 from workbench.measures.errors import summary, true_errors, within
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -60,7 +59,7 @@ def measure_infrared(trial: Trial) -> dict[str, float]:
     recovered, losses = recoveries(steps["event"][:, 1:], following)
     errors = summary(distance, bearing, inside, wanted_m=trial.config.middle_m)
     theta, _ = convoy.tables(0)
-    alone = replace(trial.config, followers=1, seed=trial.config.seed + UNSEEN)
+    alone = replace(trial.unseen, followers=1)
     return {
         "updates": float(convoy.updates[0]),
         "share_inside_last_third": float(inside.mean()),

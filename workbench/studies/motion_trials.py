@@ -29,7 +29,6 @@ from workbench.formation.follower import LEARNED, LOSS
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
-from workbench.lab.runs import UNSEEN
 from workbench.lab.statistics import time_to_stable
 from workbench.lab.trial import CONTROLLERS, Trial
 from workbench.measures.errors import summary
@@ -61,7 +60,7 @@ _RIVAL = (
 def measure_motion(trial: Trial) -> dict[str, float]:
     """Return all numbers of a trial: learning, errors, collisions, judder and chatter."""
     controller, learned = _prepare(trial)
-    judged = replace(trial.config, seed=trial.config.seed + UNSEEN, reset="manoeuvre")
+    judged = replace(trial.unseen, reset="manoeuvre")
     motion = (
         _ideal(judged, trial.minutes)
         if controller is None

@@ -20,7 +20,7 @@ from workbench.formation.follower import LOSS
 from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
 from workbench.formation.shapes import FormationConfig
-from workbench.lab.runs import UNSEEN, learn, periods_of
+from workbench.lab.runs import learn, periods_of
 from workbench.lab.trial import CONTROLLERS, Trial
 from workbench.measures.motion import Motion
 from workbench.measures.shapes import ARRIVED_M, contacts, places_in_world, reform_s, shape_errors
@@ -28,7 +28,6 @@ from workbench.measures.shapes import ARRIVED_M, contacts, places_in_world, refo
 JUDGED = ("column", "line", "wedge", "diamond")
 FOLLOWERS = 4
 EIGHT = TrackConfig(shape="eight", radius_m=1.0, judder="none")
-DRIVES = ("rolling", "planar", "wheels")
 
 
 @configuration
@@ -39,7 +38,6 @@ class ShapeTrial(Trial):
     judder: str = choice(
         ("none", "spectrum"), "of the line that the leader follows", default="none"
     )
-    judged: str = choice(DRIVES, "on which shapes are kept", default="rolling")
 
 
 @configuration
@@ -61,14 +59,12 @@ def measure_shapes(trial: ShapeTrial) -> dict[str, float]:
         spacing_m = trial.config.formation.spacing_m
         told = FormationConfig(shape=shape, frame=trial.frame, spacing_m=spacing_m)
         config = replace(
-            trial.config,
+            trial.unseen,
             followers=FOLLOWERS,
-            drive=trial.judged,
             track=replace(EIGHT, judder=trial.judder),
             weights="own",
             reward="quadratic",  # nobody learns here, and distances do not hold a line
             formation=told,
-            seed=trial.config.seed + UNSEEN,
         )
         found = _kept(controller, config, trial.minutes)
         numbers |= {f"{shape}_{name}": value for name, value in found.items()}
@@ -78,8 +74,7 @@ def measure_shapes(trial: ShapeTrial) -> dict[str, float]:
 def measure_place(trial: ShapeTrial) -> dict[str, float]:
     """Return losses while learning one place, and how well it is kept there afterwards."""
     controller, numbers = _driver(trial)
-    config = trial.config.with_seed(trial.config.seed + UNSEEN)
-    return numbers | _kept(controller, config, trial.minutes)
+    return numbers | _kept(controller, trial.unseen, trial.minutes)
 
 
 def _driver(trial: Trial) -> tuple[Controller, dict[str, float]]:
@@ -112,11 +107,10 @@ def _reforming(trial: ReformTrial) -> ConvoyConfig:
     )
     width = 0.15 * (trial.followers // 2 + 1)
     return replace(
-        trial.config,
+        trial.unseen,
         followers=trial.followers,
         track=replace(EIGHT, radius_m=max(1.0, 2 * width)),
         formation=told,
-        seed=trial.config.seed + UNSEEN,
     )
 
 

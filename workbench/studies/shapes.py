@@ -86,7 +86,12 @@ def cases() -> Sequence[Case]:
             if controller == "l-psi-leader" and frame != "heading":
                 continue
             trial = ShapeTrial(
-                config=law, controller=controller, minutes=15.0, frame=frame, judder=judder
+                config=law,
+                controller=controller,
+                minutes=15.0,
+                judged="rolling",
+                frame=frame,
+                judder=judder,
             )
             found.append(({"who": name, "world": world}, trial))
     return found

@@ -199,7 +199,9 @@ def _publish(
             "updates": sorted({trial.steps for trial in trials}),
             "greedy_minutes": trials[0].minutes,
             "trials": len(trials),
-            "drives": sorted({trial.config.drive for trial in trials}),
+            "drives": sorted(
+                {drive for one in trials for drive in (one.config.drive, one.unseen.drive)}
+            ),
             "first_config": fields.to_dict(trials[0].config),
             "fields": sorted(fields.flat(trials[0])),
             "trials_sha256": trials_digest(trials),

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from workbench.formation.config import SETTINGS
 from workbench.formation.output import ACTIONS, LEARN_BY
-from workbench.lab.runs import UNSEEN, learn
+from workbench.lab.runs import learn
 from workbench.lab.study import Case, Rows, Study
 from workbench.lab.trial import OTHER_TRACKS, Trial
 from workbench.measures.comparisons import difference
@@ -44,7 +44,7 @@ def measure_variants(trial: Trial) -> dict[str, float]:
     noise, and on other kinds of track.
     """
     run = learn(trial.config, steps=trial.steps, progress=False)
-    base = trial.config.with_seed(trial.config.seed + UNSEEN)
+    base = trial.unseen
     calm = replace(base, **OUTPUTS["interpolated, trim"])
     worlds = {
         "as learned": calm,
