@@ -50,6 +50,8 @@ def test_bench_reports_all_numbers(monkeypatch):
     monkeypatch.setattr(bench, "FORMATIONS", (1, 2))
     monkeypatch.setattr(bench, "_starts", lambda: {"first_start_s": 1.0, "cached_start_s": 1.0})
     monkeypatch.setattr(bench, "peers", lambda: {"nobody": lambda periods: None})
+    warm_up = bench._Loop.warm_up
+    monkeypatch.setattr(bench._Loop, "warm_up", lambda loop, blocks: warm_up(loop, 1))
     whole = bench._whole_run
     monkeypatch.setattr(bench, "_whole_run", lambda: whole(20_000))
     result = bench.bench(turns=1, runs=4, others=True)
