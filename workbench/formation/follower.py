@@ -2,13 +2,13 @@
 
 A follower is one record of type ROBOT, a row of weights and a sparse trace. ``act`` turns an
 observation into wheel commands, by its table or by a classical law (``formation.laws``), and
-caches the finished transition; ``learn`` learns what is cached. With the update buffer (paper II-D)
-the loop calls ``act``, sends the command, and then ``learn``, while the action runs: action t + 1
-uses weights without transition t. Without it ``act`` learns first. ρ is stored when an action is
-chosen and travels with its transition.
+caches the finished transition; ``remember`` notes the command; ``learn`` learns what is cached.
+With the update buffer (paper II-D) the loop calls ``act``, sends the command, and then ``learn``,
+while the action runs: action t + 1 uses weights without transition t. Without it ``act`` learns
+first. ρ is stored when an action is chosen and travels with its transition.
 
-The fast simulation loop calls both for all followers of all formations; a loop that drives one
-robot calls the same two.
+The fast simulation loop calls them for all followers of all formations; a loop that drives one
+robot calls the same.
 
 Contract: records, weights and traces are written in place; nothing is allocated. ``task`` is one
 TASK record, which ``formation.task`` fills from a ConvoyConfig. A transition counts as a visit of
