@@ -48,10 +48,13 @@ def test_bench_reports_all_numbers(monkeypatch):
     monkeypatch.setattr(bench, "_EVERY", {})
     monkeypatch.setattr(bench, "FOLLOWERS", (4, 8))
     monkeypatch.setattr(bench, "FORMATIONS", (1, 2))
+    monkeypatch.setattr(bench, "PLANAR_FORMATIONS", 3)
     monkeypatch.setattr(bench, "_starts", lambda: {"first_start_s": 1.0, "cached_start_s": 1.0})
     monkeypatch.setattr(bench, "peers", lambda: {"nobody": lambda periods: None})
     warm_up = bench._Loop.warm_up
     monkeypatch.setattr(bench._Loop, "warm_up", lambda loop, blocks: warm_up(loop, 1))
+    steps = bench._environment
+    monkeypatch.setattr(bench, "_environment", lambda drive: steps(drive, steps=50, turns=1))
     whole = bench._whole_run
     monkeypatch.setattr(bench, "_whole_run", lambda: whole(20_000))
     result = bench.bench(turns=1, runs=4, others=True)
@@ -63,7 +66,7 @@ def test_bench_reports_all_numbers(monkeypatch):
         "robot_us_64 robot_bare_us_4 robot_bare_us_64 robot_growth_over_bare update_us_15x15 "
         "update_us_5x5 update_ratio rolling_us_camera rolling_us_ir-metric rolling_us_ir-raw "
         "rolling_robot_us_4 rolling_robot_us_8 rolling_robot_growth rolling_two_threads_2 "
-        "rolling_us_1_formations_1_threads rolling_us_2_formations_2_threads planar_two_threads_16 "
+        "rolling_us_1_formations_1_threads rolling_us_2_formations_2_threads planar_two_threads_3 "
         "rolling_1300000_updates_s environment_steps_per_s environment_rolling_steps_per_s "
         "peak_mib first_start_s cached_start_s sweep_speedup trial_ms_local trial_ms_dask "
         "peer_us_nobody peer_over_rolling_nobody"

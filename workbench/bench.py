@@ -11,7 +11,6 @@ turns. Times are per formation step: 0.1 s of one leader and its followers, unle
 """
 
 import contextlib
-import itertools
 import os
 import platform
 import resource
@@ -44,6 +43,7 @@ from workbench.sources import LIBRARIES, version
 _EVERY = {"wheels": 4, "64": 9}  # turns between those of loops whose blocks are long
 FOLLOWERS = (4, 16, 64, 256)
 FORMATIONS = (1, 4, 16, 64)
+PLANAR_FORMATIONS = 16
 ROUTES = ("camera", "ir-metric", "ir-raw")
 ROLLING = ConvoyConfig(drive="rolling")
 
@@ -259,7 +259,8 @@ def _sizes(turns: int) -> dict[str, float]:
 def _side_by_side(turns: int) -> dict[str, float]:
     """Return formation steps by drive, formations side by side and threads."""
     result = {}
-    for drive, formations in (*itertools.product(["rolling"], FORMATIONS), ("planar", 16)):
+    cases = [("rolling", count) for count in FORMATIONS] + [("planar", PLANAR_FORMATIONS)]
+    for drive, formations in cases:
         convoys = {
             threads: Convoy(
                 replace(ROLLING, drive=drive),
