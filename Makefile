@@ -55,8 +55,10 @@ $(READY): environment.txt pyproject.toml
 	[ "$$want" = "$$have" ] && clear= || clear=--clear; $(PYTHON) -m venv $$clear .venv
 	@echo "installing some 130 packages into .venv (about 1.6 GB, a minute or two) ..."
 	$(BIN)/python -m pip install --disable-pip-version-check -r environment.txt
-	$(BIN)/python -c "import workbench; workbench.prepare()"
+	@echo "compiling what most runs need (half a minute) ..."
+	$(BIN)/python -c "$$COMPILE" & $(BIN)/python -c "import workbench; workbench.prepare()"; wait
 	@touch $@
+	@echo "ready: make lab opens the first notebook"
 
 clean:
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks

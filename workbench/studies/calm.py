@@ -102,7 +102,8 @@ def under_noise(table: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     tuned law.
     """
     of = drives(table)
-    of = of[of["output"].isin([MAIN, "law"])].replace({"setting": LEARNERS})
+    of = of[of["output"].isin([MAIN, "law"])]
+    of = of.replace({"setting": LEARNERS | {LAW: "tuned carrot"}})
     named = {"none": "not filtered", "alpha-beta": "filtered"}
     of = of.assign(condition=of["noise"] + ", " + of["filter"].map(named))
     of["condition"] = of["condition"].replace("none, not filtered", "none")
@@ -163,7 +164,10 @@ def verdict(table: pd.DataFrame) -> Verdict:
         turning["high"] <= CALMER,
         *(loud["high"] <= NOISY),
     )
-    claim = "A small learned table drives calmly and exactly once commands are interpolated."
+    claim = (
+        "A small learned table drives calmly and exactly once its commands are interpolated and "
+        "trimmed."
+    )
     return Verdict("C1, C2", claim, ruling(*map(bool, parts)), because, fails)
 
 
