@@ -21,7 +21,8 @@ if not (3, 11) <= found <= (3, 13):
 print("%d.%d" % found)
 endef
 export CHECK
-export COMPILE = import workbench as wb; wb.prepare(wb.SETTINGS["infrared"], progress=False)
+# the loops of plain configurations and of all others, side by side
+export COMPILE = import workbench as wb; wb.sweep(wb.prepare, [wb.ConvoyConfig(), wb.SETTINGS["infrared"]], progress=False)
 
 .PHONY: setup figures studies check-figures test lab clean distclean
 
@@ -40,8 +41,7 @@ check-figures: $(READY)
 test: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	@# while types are checked, the loop is compiled that most tests need and none has compiled yet
-	$(BIN)/python -c "$$COMPILE" & $(BIN)/mypy workbench; code=$$?; wait; exit $$code
+	$(BIN)/mypy workbench
 	$(BIN)/python -W error -m pytest -n 2 --dist worksteal
 
 lab: $(READY)
@@ -56,7 +56,7 @@ $(READY): environment.txt pyproject.toml
 	@echo "installing some 130 packages into .venv (about 1.6 GB, a minute or two) ..."
 	$(BIN)/python -m pip install --disable-pip-version-check -r environment.txt
 	@echo "compiling what most runs need (half a minute) ..."
-	$(BIN)/python -c "$$COMPILE" & $(BIN)/python -c "import workbench; workbench.prepare()"; wait
+	$(BIN)/python -c "$$COMPILE"
 	@touch $@
 	@echo "ready: make lab opens the first notebook"
 

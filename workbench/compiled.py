@@ -39,7 +39,6 @@ from workbench import sources
 # exception but a number that is not finite, which lets loops be vectorised; C calls nothing of it
 _BARE: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "no_cfunc_wrapper": True}
 _INNER: dict[str, Any] = _BARE | {"no_cpython_wrapper": True}  # Python does not call it either
-_MERGED: dict[str, Any] = _BARE | {"inline": "always"}
 F = TypeVar("F", bound=Callable[..., object])
 _njit: Any = numba.njit  # its declaration leaves out options
 _KEPT = 3  # folders of earlier sources, of every module
@@ -119,14 +118,6 @@ def compiled(function: F) -> Dispatcher[F]:
     return _cached(function, **_BARE)
 
 
-def compiled_into_caller(function: F) -> Dispatcher[F]:
-    """Return the function compiled as by ``compiled``, as a part of who calls it: for one that
-    contains much and is called in one place. On its own, all that it contains would be optimised
-    once more.
-    """
-    return _cached(function, **_MERGED)
-
-
 def compiled_with_arrays(function: F) -> Dispatcher[F]:
     """Return the function compiled as by ``compiled``, for one that makes new arrays."""
     return _cached(function)
@@ -138,16 +129,27 @@ def chosen(functions: Sequence[Any]) -> Any:
     function.
     """
     first, *others = functions
-    if not others:
-        return _njit(nogil=True, **_INNER)(lambda number, *arguments: first(*arguments))
-    rest = chosen(others)
+    rest: Any = chosen(others) if others else None
 
     def choose(number: int, *arguments: Any) -> Any:
         if number == 0:
             return first(*arguments)
         return rest(number - 1, *arguments)
 
-    return _njit(nogil=True, **_INNER)(choose)
+    def only(number: int, *arguments: Any) -> Any:
+        return first(*arguments)
+
+    names = "_".join(f"{one.py_func.__module__}_{one.py_func.__name__}" for one in functions)
+    function = _renamed(choose if others else only, f"chosen_{names.replace('.', '_')}")
+    return _njit(nogil=True, **_INNER)(function)
+
+
+def _renamed(function: F, name: str) -> F:
+    """Give a function a name of its own: compiled code that different processes have left on disk
+    is linked by names, and of two functions with one name and the same types one is run for both.
+    """
+    function.__name__ = function.__qualname__ = name
+    return function
 
 
 def exchanged(function: Any, others: Mapping[Any, Any], module: str, kind: str = "") -> Any:
@@ -163,6 +165,7 @@ def exchanged(function: Any, others: Mapping[Any, Any], module: str, kind: str =
     """
     made = dict(others)
     variant = f"{module}{kind}-{sources.digest(module)}"
+    suffix = f"{module}{kind}".replace(".", "_").replace("-", "_")
 
     def remake(one: Any) -> Any:
         if one in made:
@@ -177,11 +180,9 @@ def exchanged(function: Any, others: Mapping[Any, Any], module: str, kind: str =
         made[one] = one
         if plain.__closure__ is None:  # else it is a table's, which has been exchanged or is small
             copy = FunctionType(plain.__code__, plain.__globals__ | new, plain.__name__)
+            _renamed(copy, f"{plain.__name__}_{suffix}")
             options = _BARE if one is function else _INNER
-            merged = {
-                name: one.targetoptions[name] for name in _MERGED if name in one.targetoptions
-            }
-            made[one] = _cached(copy, variant=variant, **options | merged)
+            made[one] = _cached(copy, variant=variant, **options)
         return made[one]
 
     return remake(function)

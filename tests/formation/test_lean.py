@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from workbench.arena.tracks import TrackConfig
 from workbench.formation import convoy as module
 from workbench.formation.body import BodyConfig
 from workbench.formation.config import SETTINGS, ConvoyConfig
+from workbench.formation.control import control_step, run_formation
 from workbench.formation.convoy import Convoy
 from workbench.formation.laws.carrot import CarrotPI
+from workbench.formation.lean import lean
 from workbench.formation.own_reward import own_reward
 from workbench.formation.shapes import FormationConfig
 from workbench.learning.config import LearnerConfig
@@ -38,13 +41,13 @@ PLAIN = {
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_the_lean_loop_does_what_the_whole_one_does(name, monkeypatch):
-    lean = Convoy(PLAIN[name], [1, 2], steps=10_000)
-    assert lean.plain
-    records = lean.run_block().tobytes()
+    plain = Convoy(PLAIN[name], [1, 2], steps=10_000)
+    assert plain.plain
+    records = plain.run_block().tobytes()
     monkeypatch.setattr(module, "is_plain", lambda config, law: False)
     whole = Convoy(PLAIN[name], [1, 2], steps=10_000)
     assert not whole.plain and whole.run_block().tobytes() == records
-    np.testing.assert_array_equal(lean.weights, whole.weights)
+    np.testing.assert_array_equal(plain.weights, whole.weights)
 
 
 def test_whoever_needs_more_gets_the_whole_loop():
@@ -66,3 +69,35 @@ def test_a_law_drives_beside_a_reward_of_one_s_own():
     own = Convoy(config, [1], periods=200, policy=CarrotPI(), reward=reward)
     usual = Convoy(replace(config, reward="quadratic"), [1], periods=200, policy=CarrotPI())
     np.testing.assert_array_equal(own.whole()["left"], usual.whole()["left"])
+
+
+def _called(one):
+    """Return what compiled functions a compiled function calls, by the names that it has for
+    them.
+    """
+    plain = one.py_func
+    known = {name: plain.__globals__.get(name) for name in plain.__code__.co_names}
+    cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
+    known |= {name: cell.cell_contents for name, cell in cells}
+    return {name: what for name, what in known.items() if isinstance(what, Dispatcher)}
+
+
+def _name(one):
+    return one.py_func.__module__, one.py_func.__qualname__
+
+
+def test_no_two_functions_of_the_loops_have_one_name():
+    """Compiled code from disk is linked by names: of two with one name, one would run for both."""
+    todo = [run_formation, control_step, lean(control_step, shaped=False)]
+    todo += [lean(run_formation, shaped=shaped) for shaped in (False, True)]
+    seen, meant = set(), {}
+    while todo:
+        one = todo.pop()
+        if one in seen:
+            continue
+        seen.add(one)
+        called = _called(one)
+        means = one.py_func.__code__, {name: _name(what) for name, what in called.items()}
+        assert meant.setdefault(_name(one), means) == means, _name(one)
+        todo += called.values()
+    assert len(seen) > 200 and len(meant) > 150

@@ -74,15 +74,28 @@ class Trial:
         0, 10**9, "", "updates over which schedules are stretched, 0 for steps", default=0
     )
     minutes: float = real(0.1, 1e4, "min", "simulated time of the greedy evaluation", default=30.0)
-    judged: str = choice(
-        ("same", *DRIVES), "the drive that it is judged on; same: as it learned", default="same"
-    )
 
     @property
     def unseen(self) -> ConvoyConfig:
         """The configuration that it is judged in: another track, other noise."""
+        return self.config.with_seed(self.config.seed + UNSEEN)
+
+
+@configuration
+class JudgedTrial(Trial):
+    """A trial that may be judged on another drive than it learns on."""
+
+    judged: str = choice(
+        ("same", *DRIVES), "the drive that it is judged on; same: as it learned", default="same"
+    )
+
+    def _check(self) -> None:
+        _ = self.unseen  # what cannot be is an error before anything is learned
+
+    @property
+    def unseen(self) -> ConvoyConfig:
         drive = self.config.drive if self.judged == "same" else self.judged
-        return replace(self.config, seed=self.config.seed + UNSEEN, drive=drive)
+        return replace(super().unseen, drive=drive)
 
 
 def measure(trial: Trial) -> dict[str, float]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from workbench.formation.config import SETTINGS
 from workbench.lab.statistics import interval, share_interval
 from workbench.lab.study import Case, Rows, Study
-from workbench.lab.trial import Trial
+from workbench.lab.trial import JudgedTrial
 from workbench.measures.comparisons import by_quantity
 from workbench.measures.verdicts import Verdict, ruling
 from workbench.plots.runs import intervals_by_case
@@ -30,7 +30,7 @@ def cases() -> Sequence[Case]:
         # learned without an engine, as the validation allows, and judged on wheels
         config = replace(SETTINGS.get(name, SETTINGS["paper"]), drive="rolling")
         controller = LAW if name == LAW else "learner"
-        trial = Trial(config=config, controller=controller, steps=400_000, judged="wheels")
+        trial = JudgedTrial(config=config, controller=controller, steps=400_000, judged="wheels")
         cases.append(({"setting": name}, trial))
     return cases
 

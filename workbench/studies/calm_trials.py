@@ -22,7 +22,7 @@ from workbench.formation.config import ConvoyConfig
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.laws.table import Controller
 from workbench.lab.runs import learn
-from workbench.lab.trial import TUNED, Trial
+from workbench.lab.trial import TUNED, JudgedTrial, Trial
 from workbench.measures.errors import summary
 from workbench.measures.motion import chatter, follow
 from workbench.robot.geometry import CONTROL_PERIOD
@@ -62,7 +62,7 @@ def noisy(config: ConvoyConfig, noise: str) -> ConvoyConfig:
     return replace(config, noise_distance_m=distance, noise_bearing_rad=math.radians(degrees))
 
 
-def measure_calm(trial: Trial) -> dict[str, float]:
+def measure_calm(trial: JudgedTrial) -> dict[str, float]:
     """Return losses while learning, drives by every output without noise, and by the calm one with
     every noise, filtered or not; the same of the tuned law.
     """

@@ -21,7 +21,7 @@ from workbench.formation.laws.table import Controller
 from workbench.formation.policy import Policy
 from workbench.formation.shapes import FormationConfig
 from workbench.lab.runs import learn, periods_of
-from workbench.lab.trial import CONTROLLERS, Trial
+from workbench.lab.trial import CONTROLLERS, JudgedTrial, Trial
 from workbench.measures.motion import Motion
 from workbench.measures.shapes import ARRIVED_M, contacts, places_in_world, reform_s, shape_errors
 
@@ -31,7 +31,7 @@ EIGHT = TrackConfig(shape="eight", radius_m=1.0, judder="none")
 
 
 @configuration
-class ShapeTrial(Trial):
+class ShapeTrial(JudgedTrial):
     """Learn on a configuration, then keep shapes on a figure-eight of 1 m."""
 
     frame: str = choice(("heading", "path"), "what places are relative to", default="heading")
