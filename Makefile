@@ -22,7 +22,12 @@ print("%d.%d" % found)
 endef
 export CHECK
 # the loops of plain configurations and of all others, side by side
-export COMPILE = import workbench as wb; wb.sweep(wb.prepare, [wb.ConvoyConfig(), wb.SETTINGS["infrared"]], progress=False)
+define COMPILE
+from functools import partial
+import workbench as wb
+wb.sweep(partial(wb.prepare, progress=False), [wb.ConvoyConfig(), wb.SETTINGS["infrared"]])
+endef
+export COMPILE
 
 .PHONY: setup figures studies check-figures test lab clean distclean
 
