@@ -110,6 +110,12 @@ def _remove_old(module: str) -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
+def on_disk(function: Any) -> bool:
+    """Return whether the cache has code of a compiled function, for whatever types."""
+    plain = function.py_func
+    return any(folder(plain.__module__).rglob(f"*.{plain.__qualname__}-*.nbi"))
+
+
 def compiled(function: F) -> Dispatcher[F]:
     """Return the function compiled by numba without Python objects, cached on disk.
 

@@ -1,6 +1,7 @@
 """The lean loop: what it does is the whole loop's to the last bit, and who gets it."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation import convoy as module
 from workbench.formation.body import BodyConfig
 from workbench.formation.config import SETTINGS, ConvoyConfig
-from workbench.formation.control import control_step, run_formation
+from workbench.formation.control import control_step, halves, run_formation
 from workbench.formation.convoy import Convoy
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.lean import lean
@@ -86,18 +87,40 @@ def _name(one):
     return one.py_func.__module__, one.py_func.__qualname__
 
 
-def test_no_two_functions_of_the_loops_have_one_name():
-    """Compiled code from disk is linked by names: of two with one name, one would run for both."""
-    todo = [run_formation, control_step, lean(control_step, shaped=False)]
-    todo += [lean(run_formation, shaped=shaped) for shaped in (False, True)]
-    seen, meant = set(), {}
+VARIANTS = {
+    "whole": lambda function: function,
+    "line": partial(lean, shaped=False),
+    "places": partial(lean, shaped=True),
+}
+
+
+def _all_of(functions):
+    """Return compiled functions and all that they call."""
+    todo, seen = list(functions), set()
     while todo:
         one = todo.pop()
-        if one in seen:
-            continue
-        seen.add(one)
-        called = _called(one)
-        means = one.py_func.__code__, {name: _name(what) for name, what in called.items()}
+        if one not in seen:
+            seen.add(one)
+            todo += _called(one).values()
+    return seen
+
+
+@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
+def test_what_two_processes_compile_is_part_of_the_loop(variant):
+    """For the same types, which the number of functions shows that are left to compile."""
+    convoy = Convoy(ROLLING, [1], steps=1)
+    parts = {_name(variant(function)) for half in halves(convoy._arrays) for function, _ in half}
+    assert len(parts) == 6
+    assert parts <= {_name(one) for one in _all_of([variant(run_formation)])}
+
+
+def test_no_two_functions_of_the_loops_have_one_name():
+    """Compiled code from disk is linked by names: of two with one name, one would run for both."""
+    meant = {}
+    loops = [variant(run_formation) for variant in VARIANTS.values()]
+    seen = _all_of([*loops, control_step, lean(control_step, shaped=False)])
+    for one in seen:
+        called = {name: _name(what) for name, what in _called(one).items()}
+        means = one.py_func.__code__, called
         assert meant.setdefault(_name(one), means) == means, _name(one)
-        todo += called.values()
     assert len(seen) > 200 and len(meant) > 150

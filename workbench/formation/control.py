@@ -34,6 +34,9 @@ DIVERGED = 2
 FINISHED = 4
 
 
+Part = tuple[Any, tuple[Any, ...]]
+
+
 class Arrays(NamedTuple):
     """Everything that a control period reads and writes, for all formations, or for one.
 
@@ -179,6 +182,25 @@ def _formation_step(one: Any, b: int) -> int:
         formation.done = 1
         flags |= FINISHED
     return flags
+
+
+def halves(arrays: Arrays) -> tuple[list[Part], list[Part]]:
+    """Return functions that a block consists of, with arguments like theirs, in two halves that
+    take about as long to compile: two processes can share the work.
+    """
+    one = _of_one.py_func(arrays, 0, 0)
+    task, leader, robot, period = one.task[0], one.robots[0], one.robots[1], one.block[1]
+    formation = one.formations[0]
+    memory = Memory(one.weights[0], one.trace_ids[0], one.trace_values[0])
+    # learning stands last: where acting includes it, the other half has left it on disk by then
+    rest: list[Part] = [
+        (_sense, (task, one.robots, 1, one.chance[1])),
+        (_locate, (task, one, formation, 1)),
+        (advance, (one.engines[0], one.robots, one.qpos, one.ctrl, one.waiting)),
+        (_lead, (task, one.floor, leader, one.chance[0]["ground"])),
+        (learn, (task, robot, memory)),
+    ]
+    return rest, [(act, (task, robot, period, memory))]
 
 
 @compiled

@@ -44,6 +44,7 @@ from workbench.formation.control import (
     carry_out,
     carry_out_all,
     control_step,
+    halves,
     run_formation,
 )
 from workbench.formation.follower import begin_episode
@@ -349,9 +350,7 @@ class Convoy:
     @functools.cached_property
     def _run_formation(self) -> Any:
         """The compiled block of one formation, physics included."""
-        shaped = self.config.formation.shaped
-        block = lean(run_formation, shaped=shaped) if self.plain else run_formation
-        return _for_types(block, 0, False, 0, self._arrays)
+        return _for_types(self.loop, 0, False, 0, self._arrays)
 
     @property
     def plain(self) -> bool:
@@ -365,6 +364,19 @@ class Convoy:
         _ = self._run_formation if self._engine is not None else self._act_all
         if periods:
             _ = self._act_all
+
+    @property
+    def loop(self) -> Any:
+        """The compiled function that does a block of one formation."""
+        shaped = self.config.formation.shaped
+        return lean(run_formation, shaped=shaped) if self.plain else run_formation
+
+    def compile_half(self, half: int) -> None:
+        """Compile half 0 or 1 of what blocks are run by; ``compile`` finds it on disk."""
+        shaped = self.config.formation.shaped
+        for function, arguments in halves(self._arrays)[half]:
+            part = lean(function, shaped=shaped) if self.plain else function
+            part.compile(tuple(numba.typeof(argument) for argument in arguments))
 
     @functools.cached_property
     def _pool(self) -> ThreadPoolExecutor:
