@@ -14,6 +14,7 @@ Contract: ``theta`` and ``w`` are the live weights, views and not copies; ``trac
 return copies. An object is used by one thread at a time.
 """
 
+import math
 import operator
 from collections.abc import Mapping
 from typing import Any
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.compiled import compiled
 from workbench.learning.behaviour import choose_action, greedy_action
 from workbench.learning.kernel import (
     Features,
@@ -34,6 +36,15 @@ from workbench.learning.kernel import (
 
 SCHEMA = 2
 State = dict[str, NDArray[np.float64] | NDArray[np.int32] | float | int | str]
+
+
+@compiled
+def _all_below(index: Any, most: int) -> bool:
+    """Return whether all indices are from 0 and below ``most``."""
+    for one in index:
+        if not 0 <= one < most:
+            return False
+    return True
 
 
 class GQ:
@@ -133,8 +144,8 @@ class GQ:
         )
         self._decay = float(gamma) * float(lam)
         self.steps += 1
-        touched = self._theta[self._index[: self._n]]
-        if not (np.isfinite(self.delta) and np.isfinite(w_e) and np.all(np.isfinite(touched))):
+        finite = math.isfinite(self.delta) and math.isfinite(w_e)
+        if not (finite and np.isfinite(self._theta[self._index[: self._n]]).all()):
             raise FloatingPointError(
                 not_finite(self.steps, self._theta, self._w, self.alpha, self.beta)
             )
@@ -154,7 +165,7 @@ class GQ:
                 f"{name} has {index.size} indices and {value.size} values; expected one value "
                 "per index"
             )
-        if index.size and not (0 <= index.min() and index.max() < self._theta.size):
+        if not _all_below(index, self._theta.size):
             raise ValueError(
                 f"{name} indices are {index.tolist()}; the learner has features 0 to "
                 f"{self._theta.size - 1}"
@@ -309,9 +320,9 @@ class GreedyGQ(GQ):
                 negative).
             FloatingPointError: the update diverged.
         """
-        if not np.isfinite(reward):
+        if not math.isfinite(reward):
             raise ValueError(f"reward = {reward!r}; expected a finite number")
-        if not np.isfinite(rho) or rho < 0:
+        if not math.isfinite(rho) or rho < 0:
             raise ValueError(
                 f"rho = {rho!r}; expected a finite number from 0: 1/b(a|s) if a was greedy, else 0"
             )
