@@ -2,7 +2,7 @@
 
 One ray per pixel finds what the camera sees; a second ray, from the lamp to that point, finds
 whether it lies in shadow. The black line comes from the same floor raster that the leader's ground
-sensors read. About 0.1 s for 320 × 240.
+sensors read. About 0.03 s for 320 × 240.
 
 >>> from workbench.arena.tracks import TrackConfig, make_track
 >>> track = make_track(TrackConfig(), np.random.default_rng(0))
@@ -14,12 +14,15 @@ Contract: draws into a new array; the world is not changed.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arena.floor import floor_darkness
 from workbench.arena.world import World
+from workbench.compiled import compiled, compiled_with_arrays
 from workbench.robot.infrared import BEARINGS, RING
 
 Floats = NDArray[np.float64]
@@ -33,6 +36,29 @@ BEAM_HALF = math.radians(15)
 _GROUPS = np.array(
     [1, 1, 0, 0, 0, 0], dtype=np.uint8
 )  # the floor and what is visible of the robots
+
+
+class Scene(NamedTuple):
+    """What is looked at: colours (geoms, 3), the floor's geom and raster, poses (robots, 3) of
+    robots whose cones are drawn, and how large robots are.
+    """
+
+    colours: Any
+    floor: int
+    raster: Any
+    column0: int
+    row0: int
+    poses: Any
+    size: float
+
+
+class Seen(NamedTuple):
+    """What rays meet: distance (N,) in m, geom (N,) or -1, normal (N, 3), lit by the lamp (N,)."""
+
+    distance: Any
+    geom: Any
+    normal: Any
+    lit: Any
 
 
 def picture(
@@ -77,19 +103,21 @@ def picture(
         height * smooth,
     )
     distance, geom, normal = _cast(world.model, data, origin, rays)
-    hit = geom >= 0
-    points = origin + rays * distance[:, None]
-    colour = np.tile(SKY, (len(rays), 1))
-    colour[hit] = world.model.geom_rgba[geom[hit], :3]
-    floor = hit & (geom == world.model.geom("floor").id)
-    dark = world.floor.darkness(formation, points[floor, :2])
-    colour[floor] = colour[floor] * (1 - dark[:, None]) + INK * dark[:, None]
-    if sensors:
-        cone = _cones(world, formation, points[floor])[:, None]
-        colour[floor] = colour[floor] * (1 - cone) + BEAM * cone
-    colour[hit] *= _light(world.model, data, points[hit], normal[hit])[:, None]
-    far = np.clip((distance - 2.0) / 3.0, 0.0, 1.0)[:, None]
-    colour = np.where(hit[:, None], colour * (1 - far) + SKY * far, colour)
+    beams, lengths = _from_lamp(origin, rays, distance)
+    reach, _, _ = _cast(world.model, data, LAMP, beams)
+    floor = world.floor
+    poses = [world.pose(formation, robot) for robot in range(world.robots if sensors else 0)]
+    scene = Scene(
+        world.model.geom_rgba[:, :3].astype(np.float64),
+        world.model.geom("floor").id,
+        floor.raster[formation],
+        floor.column0,
+        floor.row0,
+        np.array(poses, dtype=np.float64).reshape(-1, 3),
+        world.robot.size,
+    )
+    seen = Seen(distance, geom, normal, reach > lengths - 2e-3)
+    colour = _shade(scene, origin, rays, seen, beams)
     fine = colour.reshape(height, smooth, width, smooth, 3).mean(axis=(1, 3))
     pixels: NDArray[np.uint8] = np.round(255 * np.clip(fine, 0.0, 1.0)).astype(np.uint8)
     return pixels
@@ -135,34 +163,77 @@ def _cast(
     return distance, geom, normal.reshape(-1, 3)
 
 
-def _light(model: mujoco.MjModel, data: mujoco.MjData, points: Floats, normal: Floats) -> Floats:
-    """Return brightness: ambient light, and the lamp's where no geom stands between."""
-    beam = points - LAMP
-    length = np.linalg.norm(beam, axis=1)
-    beam /= length[:, None]
-    reach, _, _ = _cast(model, data, LAMP, beam)
-    lit = reach > length - 2e-3
-    facing = np.clip(-np.sum(beam * normal, axis=1), 0.0, 1.0)
-    brightness: Floats = 0.55 + 0.50 * facing * lit
-    return brightness
-
-
-def _cones(world: World, formation: int, points: Floats) -> Floats:
-    """Return how much floor points are within the sensors' cones, fading out towards their ends,
-    (N,) in [0, 1].
+@compiled_with_arrays
+def _from_lamp(origin: Any, rays: Any, distance: Any) -> tuple[Any, Any]:
+    """Return the directions from the lamp to where rays from a point end, (N, 3), and how far that
+    is, (N,) in m; straight up, away from all, where a ray meets nothing.
     """
-    share = np.zeros(len(points))
-    ring = RING * world.robot.size
-    length = BEAM_M * world.robot.size
-    for robot in range(world.robots):
-        x, y, heading = world.pose(formation, robot)
-        near = np.flatnonzero(np.hypot(points[:, 0] - x, points[:, 1] - y) < ring + length)
-        for angle in BEARINGS + heading:
-            gap = points[near, :2] - [x + ring * math.cos(angle), y + ring * math.sin(angle)]
-            far = np.hypot(gap[:, 0], gap[:, 1])
-            off = np.arctan2(gap[:, 1], gap[:, 0]) - angle
-            inside = (far < length) & (np.abs(np.arctan2(np.sin(off), np.cos(off))) < BEAM_HALF)
-            share[near[inside]] = np.maximum(
-                share[near[inside]], 0.75 - 0.45 * far[inside] / length
-            )
+    beams = np.zeros(rays.shape)
+    lengths = np.ones(rays.shape[0])
+    for n in range(rays.shape[0]):
+        if distance[n] < 0.0:
+            beams[n, 2] = 1.0
+            continue
+        square = 0.0
+        for k in range(3):
+            beams[n, k] = origin[k] + rays[n, k] * distance[n] - LAMP[k]
+            square += beams[n, k] * beams[n, k]
+        lengths[n] = math.sqrt(square)
+        for k in range(3):
+            beams[n, k] /= lengths[n]
+    return beams, lengths
+
+
+@compiled_with_arrays
+def _shade(scene: Any, origin: Any, rays: Any, seen: Any, beams: Any) -> Any:
+    """Return the colour of what every ray meets, (N, 3) in [0, 1]: in the lamp's light or shadow,
+    in haze where it is far.
+
+    Args:
+        scene: of type Scene; seen: of type Seen.
+        origin, rays: (3,), (N, 3) from the camera; beams: (N, 3) from the lamp.
+    """
+    colour = np.empty(rays.shape)
+    for n in range(rays.shape[0]):
+        geom = seen.geom[n]
+        if geom < 0:
+            colour[n] = SKY
+            continue
+        away = seen.distance[n]
+        dark = cone = 0.0
+        if geom == scene.floor:
+            x, y = origin[0] + rays[n, 0] * away, origin[1] + rays[n, 1] * away
+            dark = floor_darkness(scene.raster, scene.column0, scene.row0, x, y)
+            cone = _cone(scene, x, y)
+        facing = 0.0
+        for k in range(3):
+            facing -= beams[n, k] * seen.normal[n, k]
+        light = 0.55 + 0.50 * min(max(facing, 0.0), 1.0) * seen.lit[n]
+        far = min(max((away - 2.0) / 3.0, 0.0), 1.0)
+        for k in range(3):
+            own = scene.colours[geom, k] * (1.0 - dark) + INK[k] * dark
+            own = (own * (1.0 - cone) + BEAM[k] * cone) * light
+            colour[n, k] = own * (1.0 - far) + SKY[k] * far
+    return colour
+
+
+@compiled
+def _cone(scene: Any, x: float, y: float) -> float:
+    """Return how much a place on the floor is within the sensors' cones, in [0, 1], fading out
+    towards their ends.
+    """
+    ring = RING * scene.size
+    length = BEAM_M * scene.size
+    share = 0.0
+    for robot in range(scene.poses.shape[0]):
+        dx, dy = x - scene.poses[robot, 0], y - scene.poses[robot, 1]
+        if math.hypot(dx, dy) >= ring + length:
+            continue
+        for k in range(BEARINGS.size):
+            axis = BEARINGS[k] + scene.poses[robot, 2]
+            gx, gy = dx - ring * math.cos(axis), dy - ring * math.sin(axis)
+            far = math.hypot(gx, gy)
+            off = math.atan2(gy, gx) - axis
+            if far < length and abs(math.atan2(math.sin(off), math.cos(off))) < BEAM_HALF:
+                share = max(share, 0.75 - 0.45 * far / length)
     return share
