@@ -20,7 +20,7 @@ from workbench.lab.trial import Trial
 from workbench.learning.config import LearnerConfig
 from workbench.measures.comparisons import difference
 from workbench.plots.comparisons import dot_panels
-from workbench.studies.calm_trials import OUTPUTS, judged
+from workbench.studies.calm_trials import MAIN, OUTPUTS, judged
 
 EXPLORING = 0.5  # share of random actions while transitions are counted
 COUNTED = 2_000_000  # transitions
@@ -103,7 +103,7 @@ def measure_bound(trial: Trial) -> dict[str, float]:
     found = {"pairs_tried": float((counts.sum(axis=2) > 0).mean())}
     world = config.with_seed(config.seed + UNSEEN)
     for who, driver in drivers.items():
-        for name, output in (("greedy", "greedy"), ("calm", "interpolated, trim")):
+        for name, output in (("greedy", "greedy"), ("calm", MAIN)):
             options = OUTPUTS[output]
             told = replace(world, **options)
             found |= {

@@ -13,7 +13,7 @@ from workbench.lab.study import Case, Rows, Study
 from workbench.lab.trial import OTHER_TRACKS, Trial
 from workbench.measures.comparisons import difference
 from workbench.plots.comparisons import dot_panels
-from workbench.studies.calm_trials import OUTPUTS, judged, noisy
+from workbench.studies.calm_trials import MAIN, OUTPUTS, judged, noisy
 
 NAMES = {"paper": "9×9", "offset": "4 × 5×5", "recommended": "5×3"}
 FILTERED = "2 mm, 2°, filtered"
@@ -45,7 +45,7 @@ def measure_variants(trial: Trial) -> dict[str, float]:
     """
     run = learn(trial.config, steps=trial.steps, progress=False)
     base = trial.unseen
-    calm = replace(base, **OUTPUTS["interpolated, trim"])
+    calm = replace(base, **OUTPUTS[MAIN])
     worlds = {
         "as learned": calm,
         FILTERED: replace(noisy(calm, "2 mm, 2°"), filter="alpha-beta"),
