@@ -97,3 +97,24 @@ def test_a_function_can_be_called_as_it_was_written_with_all_that_it_calls():
     assert uncompiled(front_pair)(0.1, 0.2, InfraredConfig()) == front_pair(
         0.1, 0.2, InfraredConfig()
     )
+
+
+def test_a_cache_takes_over_what_it_has_nothing_of(tmp_path, monkeypatch):
+    mine, other = tmp_path / "mine", tmp_path / "other"
+    monkeypatch.setattr(module, "parent", lambda: mine)
+    for place, words in ((mine, "mine"), (other, "other")):
+        (place / "folder").mkdir(parents=True)
+        for kind in ("nbi", "1.nbc"):
+            (place / "folder" / f"both.f-1.py311.{kind}").write_text(words)
+    for kind in ("nbi", "1.nbc", "2.nbc"):
+        (other / "folder" / f"own.f-1.py311.{kind}").write_text("other")
+    (other / "folder" / "half.g-1.py311.1.nbc").touch()  # a process ended before its index
+    module.adopt(other)
+    found = {path.name: path.read_text() for path in (mine / "folder").iterdir()}
+    assert found == {
+        "both.f-1.py311.nbi": "mine",
+        "both.f-1.py311.1.nbc": "mine",
+        "own.f-1.py311.nbi": "other",
+        "own.f-1.py311.1.nbc": "other",
+        "own.f-1.py311.2.nbc": "other",
+    }

@@ -111,9 +111,28 @@ def _remove_old(module: str) -> None:
 
 
 def on_disk(function: Any) -> bool:
-    """Return whether the cache has code of a compiled function, for whatever types."""
+    """Return whether the cache has code of a compiled function, for whatever types; of another
+    numba or processor, too.
+    """
     plain = function.py_func
     return any(folder(plain.__module__).rglob(f"*.{plain.__qualname__}-*.nbi"))
+
+
+def adopt(other: Path) -> None:
+    """Take over from another cache what this one has nothing of: two processes that write into one
+    cache can give two codes one file.
+    """
+    for index in sorted(other.rglob("*.nbi")):
+        mine = parent() / index.relative_to(other)
+        if mine.exists():
+            continue
+        mine.parent.mkdir(parents=True, exist_ok=True)
+        stem = index.name.removesuffix("nbi")
+        # the index last: what it names is there
+        for file in (*index.parent.glob(f"{stem}*.nbc"), index):
+            part = mine.parent / f"{file.name}.{os.getpid()}"
+            shutil.copyfile(file, part)
+            os.replace(part, mine.parent / file.name)
 
 
 def compiled(function: F) -> Dispatcher[F]:

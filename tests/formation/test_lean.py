@@ -1,7 +1,6 @@
 """The lean loop: what it does is the whole loop's to the last bit, and who gets it."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -11,12 +10,13 @@ from workbench.arena.tracks import TrackConfig
 from workbench.formation import convoy as module
 from workbench.formation.body import BodyConfig
 from workbench.formation.config import SETTINGS, ConvoyConfig
-from workbench.formation.control import control_step, halves, run_formation
+from workbench.formation.control import control_step
 from workbench.formation.convoy import Convoy
 from workbench.formation.laws.carrot import CarrotPI
 from workbench.formation.lean import lean
 from workbench.formation.own_reward import own_reward
 from workbench.formation.shapes import FormationConfig
+from workbench.lab.compiling import LOOPS
 from workbench.learning.config import LearnerConfig
 
 ROLLING = ConvoyConfig(drive="rolling")
@@ -87,13 +87,6 @@ def _name(one):
     return one.py_func.__module__, one.py_func.__qualname__
 
 
-VARIANTS = {
-    "whole": lambda function: function,
-    "line": partial(lean, shaped=False),
-    "places": partial(lean, shaped=True),
-}
-
-
 def _all_of(functions):
     """Return compiled functions and all that they call."""
     todo, seen = list(functions), set()
@@ -105,19 +98,18 @@ def _all_of(functions):
     return seen
 
 
-@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
-def test_what_two_processes_compile_is_part_of_the_loop(variant):
-    """For the same types, which the number of functions shows that are left to compile."""
-    convoy = Convoy(ROLLING, [1], steps=1)
-    parts = {_name(variant(function)) for half in halves(convoy._arrays) for function, _ in half}
-    assert len(parts) == 6
-    assert parts <= {_name(one) for one in _all_of([variant(run_formation)])}
+@pytest.mark.parametrize("loop", LOOPS)
+def test_what_two_processes_compile_is_part_of_the_loop(loop):
+    convoy = Convoy(LOOPS[loop][0], [1], steps=1)
+    parts = {_name(part) for half in (0, 1) for part, _ in convoy.parts(half)}
+    assert len(parts) == 5 + convoy.plain
+    assert parts <= {_name(one) for one in _all_of([convoy.loop])}
 
 
 def test_no_two_functions_of_the_loops_have_one_name():
     """Compiled code from disk is linked by names: of two with one name, one would run for both."""
     meant = {}
-    loops = [variant(run_formation) for variant in VARIANTS.values()]
+    loops = [Convoy(config, [1], steps=1).loop for config, _ in LOOPS.values()]
     seen = _all_of([*loops, control_step, lean(control_step, shaped=False)])
     for one in seen:
         called = {name: _name(what) for name, what in _called(one).items()}

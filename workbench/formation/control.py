@@ -34,7 +34,7 @@ DIVERGED = 2
 FINISHED = 4
 
 
-Part = tuple[Any, tuple[Any, ...]]
+Part = tuple[Any, tuple[Any, ...]]  # a compiled function, and arguments like those that it gets
 
 
 class Arrays(NamedTuple):
@@ -146,7 +146,7 @@ def _formation_step(one: Any, b: int) -> int:
     # the leader follows its line
     periods[0].phase = FOLLOW
     if task.run.external != 0:
-        left, right = _lead(task, one.floor, robots[0], one.chance[0].ground)
+        left, right = _lead(task, one.floor, robots[0], one.chance[0])
         _command(task, robots[0], one.ctrl, 0, left, right, one.chance[0].slip)
         _command(task, robots[0], one.waiting, 0, left, right, one.chance[0].slip)
         periods[0].left = left
@@ -184,22 +184,25 @@ def _formation_step(one: Any, b: int) -> int:
     return flags
 
 
-def halves(arrays: Arrays) -> tuple[list[Part], list[Part]]:
+def halves(arrays: Arrays, *, lean: bool) -> tuple[list[Part], list[Part]]:
     """Return functions that a block consists of, with arguments like theirs, in two halves that
     take about as long to compile: two processes can share the work.
+
+    Args:
+        lean: whether acting is without learning, which the whole loop may do at once.
     """
     one = _of_one.py_func(arrays, 0, 0)
     task, leader, robot, period = one.task[0], one.robots[0], one.robots[1], one.block[1]
     formation = one.formations[0]
     memory = Memory(one.weights[0], one.trace_ids[0], one.trace_values[0])
-    # learning stands last: where acting includes it, the other half has left it on disk by then
     rest: list[Part] = [
         (_sense, (task, one.robots, 1, one.chance[1])),
         (_locate, (task, one, formation, 1)),
         (advance, (one.engines[0], one.robots, one.qpos, one.ctrl, one.waiting)),
-        (_lead, (task, one.floor, leader, one.chance[0]["ground"])),
-        (learn, (task, robot, memory)),
+        (_lead, (task, one.floor, leader, one.chance[0])),
     ]
+    if lean:
+        rest.append((learn, (task, robot, memory)))
     return rest, [(act, (task, robot, period, memory))]
 
 
@@ -356,8 +359,9 @@ def _know_leader(robot: Any, leader: Any) -> None:
 
 
 @compiled
-def _lead(task: Any, floor: Any, leader: Any, noise: Any) -> tuple[int, int]:
+def _lead(task: Any, floor: Any, leader: Any, chance: Any) -> tuple[int, int]:
     """Read the three ground sensors under the leader and follow the line with them."""
+    noise = chance.ground
     left = read_ground(task, floor, leader, 0, noise[0])
     centre = read_ground(task, floor, leader, 1, noise[1])
     right = read_ground(task, floor, leader, 2, noise[2])

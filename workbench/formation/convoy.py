@@ -350,7 +350,7 @@ class Convoy:
     @functools.cached_property
     def _run_formation(self) -> Any:
         """The compiled block of one formation, physics included."""
-        return _for_types(self.loop, 0, False, 0, self._arrays)
+        return _for_types(self._of_loop(run_formation), 0, False, 0, self._arrays)
 
     @property
     def plain(self) -> bool:
@@ -367,16 +367,21 @@ class Convoy:
 
     @property
     def loop(self) -> Any:
-        """The compiled function that does a block of one formation."""
-        shaped = self.config.formation.shaped
-        return lean(run_formation, shaped=shaped) if self.plain else run_formation
+        """The compiled function that does a block of one formation; None where Python goes from
+        period to period.
+        """
+        return self._of_loop(run_formation) if self._engine is not None else None
 
-    def compile_half(self, half: int) -> None:
-        """Compile half 0 or 1 of what blocks are run by; ``compile`` finds it on disk."""
-        shaped = self.config.formation.shaped
-        for function, arguments in halves(self._arrays)[half]:
-            part = lean(function, shaped=shaped) if self.plain else function
-            part.compile(tuple(numba.typeof(argument) for argument in arguments))
+    def parts(self, half: int) -> list[tuple[Any, tuple[Any, ...]]]:
+        """Return the compiled functions of half 0 or 1 of the loop, and their types."""
+        return [
+            (self._of_loop(part), tuple(numba.typeof(argument) for argument in arguments))
+            for part, arguments in halves(self._arrays, lean=self.plain)[half]
+        ]
+
+    def _of_loop(self, function: Any) -> Any:
+        """Return a function of ``control`` as the loop has it."""
+        return lean(function, shaped=self.config.formation.shaped) if self.plain else function
 
     @functools.cached_property
     def _pool(self) -> ThreadPoolExecutor:

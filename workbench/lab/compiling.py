@@ -3,14 +3,17 @@
 >>> prepare(progress=False)  # later runs begin at once, also those of other processes
 """
 
+import contextlib
 import gc
 import multiprocessing
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +21,7 @@ from numba.core import event
 from tqdm.auto import tqdm
 
 from workbench import paths, sources
-from workbench.compiled import on_disk
+from workbench.compiled import adopt, on_disk
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.records import PERIOD
@@ -27,14 +30,15 @@ from workbench.lab.progress import Progress
 from workbench.lab.records import Recorder
 from workbench.lab.sweeps import cores
 
-# what needs each of the three loops, and about how many functions this process compiles of it, for
-# the bar alone
+# what needs each of the three loops, and about how many functions it has, for the bar alone
 LOOPS = {
-    "line": (ConvoyConfig(), 76),
-    "places": (ConvoyConfig(followers=1, formation=FormationConfig(frame="heading")), 92),
-    "whole": (SETTINGS["infrared"], 125),
+    "line": (ConvoyConfig(), 113),
+    "places": (ConvoyConfig(followers=1, formation=FormationConfig(frame="heading")), 135),
+    "whole": (SETTINGS["infrared"], 180),
 }
-_HALF = "import sys; from workbench.lab.compiling import compile_half; compile_half(sys.argv[1])"
+_OWN_SHARE = 0.67  # of them, where another process helps
+_PATIENCE_S = 300.0  # with the other process
+_HELP = "import sys; from workbench.lab.compiling import help_compile; help_compile(sys.argv[1])"
 
 
 class _Watch(event.Listener):
@@ -89,58 +93,76 @@ def _uncollected() -> Iterator[None]:
         gc.enable()
 
 
-def _loop(convoy: Convoy) -> str:
+def _kind(convoy: Convoy) -> str:
     """Return which of LOOPS a convoy runs."""
     if not convoy.plain:
         return "whole"
     return "places" if convoy.config.formation.shaped else "line"
 
 
-def compile_half(loop: str) -> None:
-    """Compile the second half of a loop, and what records it, for another process to find on
-    disk.
-    """
-    config, _ = LOOPS[loop]
+def help_compile(kind: str) -> None:
+    """Compile the second half of a loop, and what records it, for another process."""
+    config, _ = LOOPS[kind]
     with _uncollected():
-        Convoy(config, [1], steps=1).compile_half(1)
+        _compile_half(Convoy(config, [1], steps=1), 1)
         Recorder(config, 1).add(np.zeros((1, config.followers + 1), PERIOD), 0)
 
 
+def _compile_half(convoy: Convoy, half: int) -> None:
+    for part, types in convoy.parts(half):
+        part.compile(types)
+
+
 @contextmanager
-def _half_elsewhere(loop: str) -> Iterator[None]:
-    """Let another process compile the second half of a loop meanwhile, and wait for it."""
-    # not by multiprocessing, which would run an unguarded script again
-    path = [str(sources.PACKAGE.parent), os.environ.get("PYTHONPATH", "")]
-    other = subprocess.Popen(
-        [sys.executable, "-c", _HALF, loop],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path))},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        yield
-        other.wait()  # if it fails, this process compiles all that is missing
-    finally:
-        other.kill()
-        other.wait()
-
-
-def _compile(convoy: Convoy, *, periods: bool = False) -> None:
-    """Compile a convoy's loop: on two cores where all of it is missing, but in a worker, beside
-    which others work.
+def _helped(kind: str) -> Iterator[None]:
+    """Let another process compile the second half of a loop meanwhile, and take over what it made.
+    What fails there is left to this process.
     """
-    alone = multiprocessing.parent_process() is None and cores() > 1
-    if alone and sys.executable and not on_disk(convoy.loop):
-        with _half_elsewhere(_loop(convoy)):
-            convoy.compile_half(0)
-    convoy.compile(periods=periods)
+    # a cache of its own: in a common one both could write one file
+    with tempfile.TemporaryDirectory(prefix="workbench-", ignore_cleanup_errors=True) as place:
+        helper = _begin_helper(kind, place)
+        try:
+            yield
+            if helper is not None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    helper.wait(_PATIENCE_S)
+        finally:
+            if helper is not None:
+                helper.kill()
+                helper.wait()
+        with contextlib.suppress(OSError):
+            adopt(Path(place))
 
 
-def compile_blocks(convoy: Convoy, progress: Progress) -> None:
-    """Compile what a convoy runs whole blocks by."""
-    with watched(progress, LOOPS[_loop(convoy)][1]), _uncollected():
-        _compile(convoy)
+def _begin_helper(kind: str, place: str) -> "subprocess.Popen[bytes] | None":
+    """Return a process that compiles into a cache at a place, None where none can begin."""
+    found = [str(sources.PACKAGE.parent), os.environ.get("PYTHONPATH", "")]
+    own = {"PYTHONPATH": os.pathsep.join(filter(None, found)), "NUMBA_CACHE_DIR": place}
+    quiet = subprocess.DEVNULL
+    # not by multiprocessing, which would run an unguarded script again
+    command = [sys.executable, "-P", "-c", _HELP, kind]
+    try:
+        return subprocess.Popen(
+            command, env=os.environ | own, stdin=quiet, stdout=quiet, stderr=quiet
+        )
+    except OSError:
+        return None
+
+
+def compile_blocks(convoy: Convoy, progress: Progress, *, periods: bool = False) -> None:
+    """Compile what a convoy runs whole blocks by, and single periods if asked for. On two cores
+    where nothing of it is on disk; never in a worker process, whose neighbours use the other cores.
+    """
+    kind = _kind(convoy)
+    total = LOOPS[kind][1]
+    loop = convoy.loop
+    free = multiprocessing.parent_process() is None and cores() > 1 and sys.executable
+    helped = free and loop is not None and not on_disk(loop)
+    with watched(progress, round(total * _OWN_SHARE) if helped else total), _uncollected():
+        if helped:
+            with _helped(kind):
+                _compile_half(convoy, 0)
+        convoy.compile(periods=periods)
 
 
 def prepare(config: ConvoyConfig | None = None, *, progress: Progress = True) -> None:
@@ -153,7 +175,7 @@ def prepare(config: ConvoyConfig | None = None, *, progress: Progress = True) ->
     """
     convoy = Convoy(config or ConvoyConfig(), [1], steps=1)
     recorder = Recorder(convoy.config, 1)
-    with watched(progress, LOOPS[_loop(convoy)][1]), _uncollected():
-        _compile(convoy, periods=True)
+    compile_blocks(convoy, progress, periods=True)
+    with _uncollected():
         for [steps] in convoy.steps():
             recorder.add(steps, 0)
