@@ -119,8 +119,8 @@ def on_disk(function: Any) -> bool:
 
 
 def adopt(other: Path) -> None:
-    """Take over from another cache what this one has nothing of: two processes that write into one
-    cache can give two codes one file.
+    """Take over what this cache has nothing of from another one on the same disk: two processes that
+    write into one cache can give two codes one file.
     """
     for index in sorted(other.rglob("*.nbi")):
         mine = parent() / index.relative_to(other)
@@ -130,9 +130,7 @@ def adopt(other: Path) -> None:
         stem = index.name.removesuffix("nbi")
         # the index last: what it names is there
         for file in (*index.parent.glob(f"{stem}*.nbc"), index):
-            part = mine.parent / f"{file.name}.{os.getpid()}"
-            shutil.copyfile(file, part)
-            os.replace(part, mine.parent / file.name)
+            os.replace(file, mine.parent / file.name)
 
 
 def compiled(function: F) -> Dispatcher[F]:

@@ -21,7 +21,7 @@ from numba.core import event
 from tqdm.auto import tqdm
 
 from workbench import paths, sources
-from workbench.compiled import adopt, on_disk
+from workbench.compiled import adopt, on_disk, parent
 from workbench.formation.config import SETTINGS, ConvoyConfig
 from workbench.formation.convoy import Convoy
 from workbench.formation.records import PERIOD
@@ -119,7 +119,7 @@ def _helped(kind: str) -> Iterator[None]:
     What fails there is left to this process.
     """
     # a cache of its own: in a common one both could write one file
-    with tempfile.TemporaryDirectory(prefix="workbench-", ignore_cleanup_errors=True) as place:
+    with tempfile.TemporaryDirectory("-helper", dir=parent(), ignore_cleanup_errors=True) as place:
         helper = _begin_helper(kind, place)
         try:
             yield
