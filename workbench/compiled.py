@@ -119,8 +119,8 @@ def on_disk(function: Any) -> bool:
 
 
 def adopt(other: Path) -> None:
-    """Take over what this cache has nothing of from another one on the same disk: two processes that
-    write into one cache can give two codes one file.
+    """Take over from another cache, on the same disk, what this one has nothing of: two processes
+    that write into one cache can give two codes one file.
     """
     for index in sorted(other.rglob("*.nbi")):
         mine = parent() / index.relative_to(other)
