@@ -62,7 +62,8 @@ def test_bench_reports_all_numbers(monkeypatch):
     assert machine["cores"] >= 1 and machine["mujoco"]
     wanted = (
         "wheels_us wheels_bare_us wheels_ratio planar_us planar_bare_us planar_ratio rolling_us "
-        "recommended_us planar_former_us planar_over_former rolling_over_former robot_us_4 "
+        "recommended_us wheels_former_us planar_former_us wheels_over_former planar_over_former "
+        "rolling_over_former robot_us_4 "
         "robot_us_64 robot_bare_us_4 robot_bare_us_64 robot_growth_over_bare update_us_15x15 "
         "update_us_5x5 update_ratio rolling_us_camera rolling_us_ir-metric rolling_us_ir-raw "
         "rolling_robot_us_4 rolling_robot_us_8 rolling_robot_growth rolling_two_threads_2 "

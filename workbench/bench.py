@@ -40,7 +40,8 @@ from workbench.learning.kernel import Features, Learner, Signal, StepSizes, gq_u
 from workbench.peers import peers
 from workbench.sources import LIBRARIES, version
 
-_EVERY = {"wheels": 4, "64": 9}  # turns between those of loops whose blocks are long
+# turns between those of loops whose blocks are long
+_EVERY = {"wheels": 4, "wheels_former": 4, "64": 9}
 FOLLOWERS = (4, 16, 64, 256)
 FORMATIONS = (1, 4, 16, 64)
 PLANAR_FORMATIONS = 16
@@ -201,6 +202,7 @@ def _loops(turns: int) -> dict[str, Any]:
         "planar": _Loop(planar),
         "rolling": _Loop(ROLLING),
         "recommended": _Loop(replace(SETTINGS["recommended"], drive="rolling")),
+        "wheels_former": _Loop(wheels, former=True),
         "planar_former": _Loop(planar, former=True),
         "4": _Loop(replace(planar, seed=2)),
         "64": _Loop(replace(planar, followers=64, seed=2)),
@@ -215,10 +217,11 @@ def _loops(turns: int) -> dict[str, Any]:
         result[f"{name}_us"] = loops[name].us
         result[f"{name}_bare_us"] = float(np.median(bare)) * 1e6
         result[f"{name}_ratio"] = float(np.median(full / bare))
-    result |= {f"{name}_us": loops[name].us for name in ("rolling", "recommended", "planar_former")}
-    former = np.array(loops["planar_former"].full)
-    for name in ("planar", "rolling"):
-        result[f"{name}_over_former"] = float(np.median(np.array(loops[name].full) / former))
+    others = ("rolling", "recommended", "wheels_former", "planar_former")
+    result |= {f"{name}_us": loops[name].us for name in others}
+    for name, of in (("wheels", "wheels"), ("planar", "planar"), ("rolling", "planar")):
+        ratios = np.array(loops[name].full) / np.array(loops[f"{of}_former"].full)
+        result[f"{name}_over_former"] = float(np.median(ratios))
     growth = {}
     for name in ("4", "64"):
         robots = int(name) + 1
